@@ -1,0 +1,35 @@
+# `make run` and `make test` set everything up on a fresh clone; a second call reuses it.
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: run test lint format clean
+
+run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
+	$(BIN)/navbench controller=sflc world=deadlock
+
+test: $(STAMP) ## all tests, on all cores
+	$(BIN)/python -m pytest -n auto --dist worksteal
+
+lint: $(STAMP) ## style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# pybullet has wheels for CPython 3.10 and 3.11 only, and the locked packages need 3.11.
+$(STAMP): pyproject.toml constraints.txt
+	@python=; for candidate in python3.11 python3 python; do \
+	  if $$candidate -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$$candidate; break; fi; \
+	done; \
+	if [ -n "$$python" ]; then $$python -m venv --clear $(VENV); \
+	elif command -v uv >/dev/null; then uv venv --clear --seed --python 3.11 $(VENV); \
+	else echo "navbench needs CPython 3.11 (pybullet has no wheel for a newer one): install it, or install uv, and call make again" >&2; exit 1; fi
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $(STAMP)
+
+clean:
+	rm -rf $(VENV) outputs multirun .pytest_cache .mypy_cache .ruff_cache

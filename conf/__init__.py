@@ -1,0 +1,1 @@
+"""One YAML file a thing: controllers, worlds, robots, sensors, simulators."""

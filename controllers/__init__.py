@@ -1,0 +1,1 @@
+"""One navigation method a file, each reading like its paper."""

@@ -1,0 +1,62 @@
+"""What every description (world, robot, sensors, simulator) shares: its strictness, its number types, its errors."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+
+from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
+
+STRICT = ConfigDict(extra="forbid")
+
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Positive = Annotated[float, Strict(), Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Strict(), Field(ge=0.0, allow_inf_nan=False)]
+Probability = Annotated[float, Strict(), Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Count = Annotated[int, Strict(), Field(ge=1)]
+Flag = Annotated[bool, Strict()]
+
+T = TypeVar("T")
+
+
+class DescriptionError(ValueError):
+    """A description, an option or a combination of them that cannot be run; the message names key, value, allowed."""
+
+
+def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
+    """Return a description made from plain values, as a YAML file holds them.
+
+    Args:
+        kind: the frozen dataclass to make.
+        values: its fields; lists and mappings for the nested ones.
+        key: what the values are called in the configuration, such as "world", for the error message.
+
+    Raises:
+        DescriptionError: one line that names the first wrong key, its value and what is allowed.
+    """
+    try:
+        return TypeAdapter(kind).validate_python(dict(values))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        loc = first["loc"]
+        path = key + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+        if first["type"] == "unexpected_keyword_argument":
+            allowed = ", ".join(field.name for field in fields(_kind_at(kind, loc[:-1])))
+            raise DescriptionError(f"{path}: unknown key; allowed here: {allowed}") from None
+        if first["type"] in ("missing", "missing_argument"):
+            raise DescriptionError(f"{path}: missing; a value is needed") from None
+        if first["type"] == "value_error":
+            raise DescriptionError(f"{path}: {first['ctx']['error']}") from None
+        allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
+        raise DescriptionError(f"{path}={first['input']!r}: {allowed}") from None
+
+
+def _kind_at(kind: Any, loc: tuple[int | str, ...]) -> Any:
+    """Return the dataclass that stands at a place inside another one."""
+    for part in loc:
+        if isinstance(part, int):
+            continue
+        hint = get_type_hints(kind)[part]
+        kind = next((inner for inner in (hint, *get_args(hint)) if is_dataclass(inner)), hint)
+    if not is_dataclass(kind):
+        raise TypeError(f"no description stands at {loc}")
+    return kind

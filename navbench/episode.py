@@ -1,0 +1,289 @@
+"""One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
+from navbench.description import DescriptionError
+from navbench.geometry import distance_to_nearest, wrap_angle
+from navbench.metrics import Metrics, bearing_errors, heading_ise, sign_changes
+from navbench.perception import Perception
+from navbench.record import Outcome, RobotRecord
+from navbench.robot import Robot
+from navbench.sensors import Sensors
+from navbench.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
+from navbench.simulation import SimulatorOptions
+from navbench.simulator import Simulator
+from navbench.streams import stream
+from navbench.world import World
+
+FloatArray = NDArray[np.float64]
+
+START_DRAWS_MAX = 1000  # a start that stays in contact this often has no free place within its jitter
+
+
+class Jitter(NamedTuple):
+    """How far starts are moved at random: uniform in [-j, j], for x and y [m] and for the heading [rad]."""
+
+    position_m: float = 0.0
+    heading_rad: float = 0.0
+
+
+@dataclass(slots=True)
+class _Pilot:
+    """One robot's controller with its sensors, and what is kept of its way."""
+
+    controller: Controller
+    perception: Perception
+    states: list[tuple[float, ...]] = field(default_factory=list)
+    traces: list[tuple[float, ...]] = field(default_factory=list)
+    trace_names: tuple[str, ...] = ()
+    latencies_s: list[float] = field(default_factory=list)
+    outcome: Outcome = "timed_out"
+    reason: str = ""
+    end_s: float = 0.0
+
+
+class EpisodeRunner:
+    """Runs episodes of one combination of world, robot, sensors, simulator and controller, one after another.
+
+    Episodes do not depend on what ran before them. Use it in a ``with`` block: it holds a simulator.
+
+    Args:
+        make_controller: makes one controller object, for one robot.
+        native: what the controller was drawn for, or None.
+        world: the world.
+        robot: the robot that drives.
+        sensors: the sensor suite, as drawn: it is scaled here.
+        options: the simulator's options.
+        seed: the seed of all streams.
+        jitter: of the starts.
+
+    Raises:
+        DescriptionError: these do not fit together (see ``check_fits``).
+    """
+
+    def __init__(
+        self,
+        make_controller: Callable[[], Controller],
+        native: Native | None,
+        world: World,
+        robot: Robot,
+        sensors: Sensors,
+        options: SimulatorOptions,
+        seed: int,
+        jitter: Jitter,
+    ) -> None:
+        check_fits(world, robot)
+        self._make_controller, self._native, self._world, self._robot = make_controller, native, world, robot
+        self._seed, self._jitter = seed, jitter
+        self._sensors = sensors.scaled_to(robot.radius_m)
+        self._similarity = Similarity.between(robot, native)
+        self._period_s = period_s(native, self._similarity)
+        self._setup = native_setup(robot, self._sensors, native)
+        accel_max = accel_max_mps2(robot, native, self._similarity)
+        self._simulator = Simulator(world, robot, self._sensors, options, accel_max)
+
+    def __enter__(self) -> "EpisodeRunner":
+        """Return the runner itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the simulator."""
+        self._simulator.close()
+
+    def run(self, episode: int) -> list[RobotRecord]:
+        """Run one episode and return a record a robot.
+
+        Args:
+            episode: its index, which names its streams.
+        """
+        starts = self.starts(episode)
+        simulator = self._simulator
+        simulator.reset(starts)
+        pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
+        for i, pilot in enumerate(pilots):
+            if pilot.outcome == "controller_error":
+                simulator.stop(i)
+        periods = math.ceil(self._world.time_limit_s / self._period_s - 1e-9)
+        for k in range(periods):
+            if not simulator.running:
+                break
+            t_s = k * self._period_s
+            self._period(pilots, t_s, min(self._period_s, self._world.time_limit_s - t_s))
+        rows = simulator.rows()
+        return [self._record(i, pilot, rows[i]) for i, pilot in enumerate(pilots)]
+
+    def starts(self, episode: int) -> list[Pose]:
+        """Return where the robots begin: the world's starts, moved at random, drawn again while in contact."""
+        world, boxes, discs = self._world, self._world.box_rows(), self._world.disc_rows()
+        poses: list[Pose] = []
+        for i, start in enumerate(world.starts):
+            rng = stream(self._seed, world.name, episode, "start", i)
+            for _ in range(START_DRAWS_MAX):
+                dx, dy, turn = rng.uniform(-1.0, 1.0, 3).tolist()
+                pose = Pose(
+                    start.x_m + dx * self._jitter.position_m,
+                    start.y_m + dy * self._jitter.position_m,
+                    wrap_angle(world.start_heading_rad(i) + turn * self._jitter.heading_rad),
+                )
+                if _free(pose, self._robot.radius_m, boxes, discs, poses):
+                    poses.append(pose)
+                    break
+            else:
+                raise DescriptionError(f"start_jitter_m: no free place near world.starts[{i}]")
+        return poses
+
+    def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
+        world = self._world
+        goal = (world.goals[index].x_m, world.goals[index].y_m)
+        name = (self._seed, world.name, episode, index)
+        perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
+        rng = stream(self._seed, world.name, episode, "controller", index)
+        try:
+            controller = self._make_controller()
+            controller.reset(self._setup, rng)
+        except Exception as error:  # a user's code may raise anything; it costs this robot, not the study
+            return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
+        return _Pilot(controller, perception)
+
+    def _period(self, pilots: list[_Pilot], t_s: float, dt_s: float) -> None:
+        """Let every running robot observe and act, then move all, and keep what they did."""
+        simulator = self._simulator
+        before = simulator.rows()
+        active = [i for i, row in enumerate(before) if row[11]]
+        for i in active:
+            self._act(pilots[i], i, t_s, before[i])
+        events = simulator.advance(t_s, dt_s) if simulator.running else []
+        ends = {event.robot_index: event for event in events}
+        after = simulator.rows()
+        for i in active:
+            pilot, (x, y, heading), row = pilots[i], before[i][:3], after[i]
+            if pilot.outcome == "controller_error":
+                pilot.states.append((t_s, x, y, heading, 0.0, 0.0))
+                pilot.end_s = t_s
+                continue
+            pilot.end_s = t_s + dt_s
+            duration = dt_s
+            if i in ends:
+                _, pilot.outcome, pilot.reason, pilot.end_s = ends[i]
+                duration = max(pilot.end_s - t_s, 1e-12)
+            left, right = row[5], row[6]
+            v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
+            pilot.states.append((t_s, x, y, heading, v, w))
+            if pilot.perception.drifts:
+                pilot.perception.travel(left, right, duration)
+
+    def _act(self, pilot: _Pilot, index: int, t_s: float, row: tuple[float, ...]) -> None:
+        """Let one robot observe and act; what it does wrong ends it with a reason."""
+        simulator = self._simulator
+        speed = (0.5 * (row[3] + row[4]), (row[4] - row[3]) / self._robot.track_m)
+        discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
+        observation = pilot.perception.observe(
+            t_s, Pose(row[0], row[1], row[2]), speed, simulator.ranges(index, row[7]), simulator.touching[index], discs
+        )
+        try:
+            begin = time.perf_counter()
+            command = pilot.controller.act(observation)
+            pilot.latencies_s.append(time.perf_counter() - begin)
+            v, w = command
+            if not (math.isfinite(v) and math.isfinite(w)):
+                raise ValueError(f"the command must be finite, got v_mps={v}, w_radps={w}")
+            trace = trace_of(pilot.controller)
+            if trace:
+                self._keep_trace(pilot, trace)
+        except Exception as error:  # a user's code may raise anything; it costs this robot, not the study
+            pilot.outcome, pilot.reason = "controller_error", _reason(error)
+            simulator.stop(index)
+            return
+        if self._similarity.identity:
+            simulator.command(index, v, w)
+        else:
+            simulator.command(index, *self._similarity.to_world(Command(v, w)))
+
+    @staticmethod
+    def _keep_trace(pilot: _Pilot, trace: Mapping[str, float]) -> None:
+        if not pilot.traces:
+            pilot.trace_names = tuple(trace)
+        elif len(trace) != len(pilot.trace_names):
+            raise ValueError("the trace must have the same names at every step")
+        pilot.traces.append(tuple(trace.values()))
+
+    def _record(self, index: int, pilot: _Pilot, row: tuple[float, ...]) -> RobotRecord:
+        last = pilot.states[-1] if pilot.states else (0.0,) * 6
+        states = np.array([*pilot.states, (pilot.end_s, *row[:3], *last[4:])])
+        traces = np.full((len(states), len(pilot.trace_names)), np.nan)
+        if pilot.traces:
+            traces[: len(pilot.traces)] = np.array(pilot.traces, dtype=np.float64)
+        if pilot.outcome == "controller_error":
+            states = states[:-1] if pilot.states else states
+            traces = traces[: len(states)]
+        durations = np.diff(states[:, 0])
+        n = len(durations)
+        if "heading_error_rad" in pilot.trace_names:
+            errors = traces[:n, pilot.trace_names.index("heading_error_rad")]
+        else:
+            goal = self._world.goals[index]
+            errors = bearing_errors(states[:n, 1:4], goal.x_m, goal.y_m)
+        metrics = Metrics(
+            path_length_m=row[9],
+            time_s=pilot.end_s,
+            collisions=self._simulator.contacts[index],
+            min_clearance_m=row[8],
+            mean_speed_mps=row[9] / pilot.end_s if pilot.end_s > 0.0 else 0.0,
+            heading_ise=heading_ise(errors, durations),
+            total_turning_rad=row[10],
+            w_sign_changes=sign_changes(states[:n, 5]),
+        )
+        latencies = np.array(pilot.latencies_s)
+        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, pilot.trace_names, latencies)
+
+
+def check_fits(world: World, robot: Robot) -> None:
+    """Check that every robot stands free at its start.
+
+    Raises:
+        DescriptionError: a start lies inside an obstacle or too near to another start.
+    """
+    boxes, discs = world.box_rows(), world.disc_rows()
+    poses: list[Pose] = []
+    for i, start in enumerate(world.starts):
+        pose = Pose(start.x_m, start.y_m, 0.0)
+        if not _free(pose, robot.radius_m, boxes, discs, poses):
+            near = distance_to_nearest(start.x_m, start.y_m, boxes, discs)
+            what = "an obstacle" if near <= robot.radius_m else "another start"
+            raise DescriptionError(
+                f"world.starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than the robot's radius "
+                f"{robot.radius_m} m from {what}" + ("" if what == "an obstacle" else "'s robot")
+            )
+        poses.append(pose)
+
+
+def _free(pose: Pose, radius_m: float, boxes: FloatArray, discs: FloatArray, others: list[Pose]) -> bool:
+    """Return whether a robot stands free of the obstacles and of the robots already placed."""
+    if distance_to_nearest(pose.x_m, pose.y_m, boxes, discs) <= radius_m:
+        return False
+    return all(math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) > 2.0 * radius_m for other in others)
+
+
+def _reason(error: Exception) -> str:
+    """Return an exception as one short line."""
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= 200 else text[:197] + "..."
+
+
+class _Absent:
+    """Stands where a controller could not be made; it never acts."""
+
+    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
+        """Do nothing."""
+
+    def act(self, observation: Observation) -> Command:
+        """Do not come here."""
+        raise AssertionError("a robot without a controller does not act")

@@ -1,0 +1,125 @@
+"""Figures of stored results: trajectories over their world."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navbench.description import describe
+from navbench.robot import Robot
+from navbench.store import Results
+from navbench.world import World
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+OBSTACLE, MOVER, WALL = "#8d99ae", "#e9a03b", "#5c677d"
+COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
+LABELS = {name: name.replace("_", " ") for name in COLOURS}
+LINES_MAX = 200  # more trajectories than this make a blot, not a picture
+
+
+def save_trajectories(results: Results, file: Path) -> None:
+    """Draw all episodes of a results directory, a panel a cell, and save the picture.
+
+    Args:
+        results: the directory.
+        file: where to save; its ending chooses the format.
+    """
+    from matplotlib.figure import Figure
+
+    cells = results.manifest()["cells"]
+    episodes, trajectories = results.episodes(), results.trajectories()
+    columns = min(3, len(cells))
+    rows = -(-len(cells) // columns)
+    figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for ax, cell in zip(axes, cells, strict=False):
+        run = cell["run_id"]
+        draw_cell(ax, cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run])
+    for ax in axes[len(cells) :]:
+        ax.set_axis_off()
+    figure.savefig(file, dpi=110, metadata={"Software": None} if file.suffix == ".png" else None)
+
+
+def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
+    """Draw a world with the ways of all episodes, coloured by outcome.
+
+    Args:
+        ax: where to draw.
+        cell: the cell's entry in the manifest.
+        episodes: its rows of the table of episodes.
+        trajectories: its rows of the table of trajectories.
+    """
+    world = describe(World, {"name": cell["world"], **cell["configuration"]["world"]}, "world")
+    robot = describe(Robot, cell["configuration"]["robot"], "robot")
+    draw_world(ax, world)
+    outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
+    for count, (key, way) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
+        if count == LINES_MAX:
+            break
+        colour = COLOURS[outcomes[key]]
+        ax.plot(way["x_m"], way["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4)
+        ax.add_patch(_circle(way["x_m"].iloc[-1], way["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour))
+    for start in world.starts:
+        ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
+    seen = [name for name in COLOURS if name in set(outcomes.values())]
+    handles = [
+        ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
+    ]
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
+    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
+
+
+def draw_world(ax: "Axes", world: World) -> None:
+    """Draw a world: bounds, boxes, walls, discs, movers with their ways, starts' goals and the finish line."""
+    from matplotlib.patches import Polygon
+
+    for i, box in enumerate(world.solids()):
+        ax.add_patch(Polygon(_corners(box), color=OBSTACLE if i < len(world.boxes) else WALL, zorder=2))
+    for disc in world.discs:
+        ax.add_patch(_circle(disc.x_m, disc.y_m, disc.radius_m, color=OBSTACLE))
+    for mover in world.movers:
+        points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
+        ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=1.0, zorder=1)
+        ax.add_patch(_circle(points[0].x_m, points[0].y_m, mover.radius_m, color=MOVER, alpha=0.8))
+    for goal in world.goals:
+        ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
+        ax.plot(goal.x_m, goal.y_m, "x", color="black", markersize=7, zorder=5)
+    if world.finish_line is not None:
+        line = world.finish_line
+        ax.plot([line.x1_m, line.x2_m], [line.y1_m, line.y2_m], ":", color="black", zorder=3)
+    b = world.bounds
+    margin = 0.04 * max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m)
+    ax.set(xlim=(b.x_min_m - margin, b.x_max_m + margin), ylim=(b.y_min_m - margin, b.y_max_m + margin))
+    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+
+
+def _corners(box: Any) -> Any:
+    half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (box.length_m, box.width_m)
+    cosine, sine = np.cos(box.heading_rad), np.sin(box.heading_rad)
+    return half @ np.array([[cosine, sine], [-sine, cosine]]) + (box.x_m, box.y_m)
+
+
+def _circle(x_m: float, y_m: float, radius_m: float, **style: Any) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle((x_m, y_m), radius_m, **{"zorder": 3, **style})
+
+
+def _opacity(lines: int) -> float:
+    return max(0.15, min(1.0, 6.0 / lines))
+
+
+def _count(outcomes: dict[Any, str], name: str) -> int:
+    return sum(outcome == name for outcome in outcomes.values())
+
+
+def _numbers(episodes: "pd.DataFrame") -> str:
+    """Return time and length under a title: the only robot's own, or the means of those that reached."""
+    reached = episodes[episodes["outcome"] == "reached"]
+    if reached.empty:
+        return ""
+    mean = "" if len(episodes) == 1 else f"means of {len(reached)} of {len(episodes)}: "
+    return f"\n{mean}{reached['time_s'].mean():.2f} s, {reached['path_length_m'].mean():.3f} m"

@@ -1,0 +1,75 @@
+"""Angles, distances and the round robot's clearance in the plane, as small compiled functions."""
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@numba.njit(cache=True)
+def wrap_angle(angle_rad: float) -> float:
+    """Return the angle in (-pi, pi] [rad]."""
+    if -math.pi < angle_rad <= math.pi:
+        return angle_rad
+    return math.pi - (math.pi - angle_rad) % (2.0 * math.pi)
+
+
+@numba.njit(cache=True)
+def box_distance(x_m: float, y_m: float, box: FloatArray) -> float:
+    """Return the signed distance from a point to a rotated box [m], negative inside.
+
+    Args:
+        x_m: the point's x [m].
+        y_m: the point's y [m].
+        box: (6,) centre x, centre y, half length, half width, cosine and sine of the heading.
+    """
+    dx: float = x_m - box[0]
+    dy: float = y_m - box[1]
+    along: float = abs(box[4] * dx + box[5] * dy) - box[2]
+    across: float = abs(box[4] * dy - box[5] * dx) - box[3]
+    if along <= 0.0 and across <= 0.0:
+        return max(along, across)
+    return math.hypot(max(along, 0.0), max(across, 0.0))
+
+
+@numba.njit(cache=True)
+def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatArray) -> float:
+    """Return the signed distance from a point to the nearest box or disc [m], infinite where there is none.
+
+    Args:
+        x_m: the point's x [m].
+        y_m: the point's y [m].
+        boxes: (n, 6) as in ``box_distance``.
+        discs: (n, 3) centre x, centre y, radius [m].
+    """
+    nearest = math.inf
+    for i in range(boxes.shape[0]):
+        nearest = min(nearest, box_distance(x_m, y_m, boxes[i]))
+    for i in range(discs.shape[0]):
+        nearest = min(nearest, math.hypot(x_m - discs[i, 0], y_m - discs[i, 1]) - discs[i, 2])
+    return nearest
+
+
+@numba.njit(cache=True)
+def segment_crossing(ax: float, ay: float, bx: float, by: float, line: FloatArray) -> float:
+    """Return where the way from a to b crosses a segment, as a fraction of the way in [0, 1]; -1 where it does not.
+
+    Args:
+        ax: x of the way's beginning [m].
+        ay: y of the way's beginning [m].
+        bx: x of the way's end [m].
+        by: y of the way's end [m].
+        line: (4,) the segment's two end points, x1, y1, x2, y2 [m].
+    """
+    ux, uy = line[2] - line[0], line[3] - line[1]
+    before = ux * (ay - line[1]) - uy * (ax - line[0])
+    after = ux * (by - line[1]) - uy * (bx - line[0])
+    if before == after or (before > 0.0) == (after > 0.0):
+        return -1.0
+    fraction = before / (before - after)
+    x, y = ax + fraction * (bx - ax), ay + fraction * (by - ay)
+    along = (ux * (x - line[0]) + uy * (y - line[1])) / (ux * ux + uy * uy)
+    return fraction if 0.0 <= along <= 1.0 else -1.0

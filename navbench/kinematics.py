@@ -1,0 +1,77 @@
+"""How a two-wheeled robot moves: exact arcs, wheel ramps and lags, and the closest approach to a point."""
+
+import math
+
+import numba
+
+_STRAIGHT_RAD = 1e-9  # below this turn the arc is a straight line to the last digit
+
+
+@numba.njit(cache=True)
+def advance_arc(
+    x_m: float, y_m: float, heading_rad: float, v_mps: float, w_radps: float, dt_s: float
+) -> tuple[float, float, float]:
+    """Return the pose after dt at constant speed and turning rate: the closed-form arc of the no-slip unicycle.
+
+    The heading is not wrapped here, so that a caller can count turns.
+    """
+    half = 0.5 * w_radps * dt_s
+    chord = v_mps * dt_s * (math.sin(half) / half if abs(half) > _STRAIGHT_RAD else 1.0)
+    return (
+        x_m + chord * math.cos(heading_rad + half),
+        y_m + chord * math.sin(heading_rad + half),
+        heading_rad + 2.0 * half,
+    )
+
+
+@numba.njit(cache=True)
+def closest_approach(
+    x_m: float,
+    y_m: float,
+    heading_rad: float,
+    v_mps: float,
+    w_radps: float,
+    dt_s: float,
+    goal_x_m: float,
+    goal_y_m: float,
+) -> tuple[float, float]:
+    """Return when on this arc the robot is nearest to a point, and how near: (time in [0, dt] [s], distance [m])."""
+    end_x, end_y, _ = advance_arc(x_m, y_m, heading_rad, v_mps, w_radps, dt_s)
+    at_start = math.hypot(goal_x_m - x_m, goal_y_m - y_m)
+    at_end = math.hypot(goal_x_m - end_x, goal_y_m - end_y)
+    time_s, distance_m = (0.0, at_start) if at_start <= at_end else (dt_s, at_end)
+    if v_mps == 0.0:
+        return 0.0, at_start
+    if abs(w_radps * dt_s) <= 2.0 * _STRAIGHT_RAD:
+        inner_s = ((goal_x_m - x_m) * math.cos(heading_rad) + (goal_y_m - y_m) * math.sin(heading_rad)) / v_mps
+    else:
+        # The nearest point of the full circle lies where the ray from its centre to the goal leaves it.
+        radius = v_mps / w_radps
+        centre_x, centre_y = x_m - radius * math.sin(heading_rad), y_m + radius * math.cos(heading_rad)
+        turned = math.atan2(goal_y_m - centre_y, goal_x_m - centre_x) - math.atan2(y_m - centre_y, x_m - centre_x)
+        inner_s = (turned / w_radps) % (2.0 * math.pi / abs(w_radps))
+    if 0.0 < inner_s < dt_s:
+        near_x, near_y, _ = advance_arc(x_m, y_m, heading_rad, v_mps, w_radps, inner_s)
+        near = math.hypot(goal_x_m - near_x, goal_y_m - near_y)
+        if near < distance_m:
+            return inner_s, near
+    return time_s, distance_m
+
+
+@numba.njit(cache=True)
+def ramp_speed(speed_mps: float, target_mps: float, accel_max_mps2: float, dt_s: float) -> tuple[float, float]:
+    """Return a wheel's mean and final speed over dt [m/s], driven towards a target at limited acceleration."""
+    change = target_mps - speed_mps
+    ramp_s = abs(change) / accel_max_mps2
+    if ramp_s <= dt_s:
+        return target_mps - 0.5 * change * ramp_s / dt_s, target_mps
+    final = speed_mps + math.copysign(accel_max_mps2 * dt_s, change)
+    return 0.5 * (speed_mps + final), final
+
+
+@numba.njit(cache=True)
+def lag_speed(speed_mps: float, target_mps: float, lag_s: float, dt_s: float) -> tuple[float, float]:
+    """Return a wheel's mean and final speed over dt [m/s] behind a first-order lag with this time constant."""
+    decay = math.exp(-dt_s / lag_s)
+    final = target_mps + (speed_mps - target_mps) * decay
+    return target_mps + (speed_mps - target_mps) * (1.0 - decay) * lag_s / dt_s, final
