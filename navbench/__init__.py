@@ -1,3 +1,26 @@
 """Compare reactive navigation controllers of wheeled robots in PyBullet worlds."""
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 __version__ = "0.1.0"
+
+
+def run(*overrides: str, path: str | Path | None = None, config_dir: str | None = None) -> "pd.DataFrame":
+    """Run one cell, as the command line would, and return its table of episodes: one row a robot and episode.
+
+    Args:
+        overrides: the words of the command line, such as "controller=sflc", "world=deadlock", "episodes=10".
+        path: where to keep the results; None keeps none.
+        config_dir: a folder with further controllers, worlds and robots.
+
+    Raises:
+        ValueError: a value is wrong, or the parts do not fit together.
+        hydra.errors.HydraException: an unknown choice or key.
+    """
+    from navbench.interface import run_to_table
+
+    return run_to_table(overrides, path, config_dir)

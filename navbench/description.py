@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from functools import cache
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
@@ -34,7 +35,7 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         DescriptionError: one line that names the first wrong key, its value and what is allowed.
     """
     try:
-        return TypeAdapter(kind).validate_python(dict(values))
+        return _adapter(kind).validate_python(dict(values))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         loc = first["loc"]
@@ -48,6 +49,12 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
             raise DescriptionError(f"{path}: {first['ctx']['error']}") from None
         allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
         raise DescriptionError(f"{path}={first['input']!r}: {allowed}") from None
+
+
+@cache
+def _adapter(kind: type[T]) -> TypeAdapter[T]:
+    """Return what validates a description; making it costs more than using it."""
+    return TypeAdapter(kind)
 
 
 def _kind_at(kind: Any, loc: tuple[int | str, ...]) -> Any:

@@ -83,6 +83,7 @@ class EpisodeRunner:
         check_fits(world, robot)
         self._make_controller, self._native, self._world, self._robot = make_controller, native, world, robot
         self._seed, self._jitter = seed, jitter
+        self._boxes, self._discs = world.box_rows(), world.disc_rows()
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._period_s = period_s(native, self._similarity)
@@ -111,18 +112,18 @@ class EpisodeRunner:
         for i, pilot in enumerate(pilots):
             if pilot.outcome == "controller_error":
                 simulator.stop(i)
+        rows = simulator.rows()
         periods = math.ceil(self._world.time_limit_s / self._period_s - 1e-9)
         for k in range(periods):
             if not simulator.running:
                 break
             t_s = k * self._period_s
-            self._period(pilots, t_s, min(self._period_s, self._world.time_limit_s - t_s))
-        rows = simulator.rows()
+            rows = self._period(pilots, rows, t_s, min(self._period_s, self._world.time_limit_s - t_s))
         return [self._record(i, pilot, rows[i]) for i, pilot in enumerate(pilots)]
 
     def starts(self, episode: int) -> list[Pose]:
         """Return where the robots begin: the world's starts, moved at random, drawn again while in contact."""
-        world, boxes, discs = self._world, self._world.box_rows(), self._world.disc_rows()
+        world = self._world
         poses: list[Pose] = []
         for i, start in enumerate(world.starts):
             rng = stream(self._seed, world.name, episode, "start", i)
@@ -133,7 +134,7 @@ class EpisodeRunner:
                     start.y_m + dy * self._jitter.position_m,
                     wrap_angle(world.start_heading_rad(i) + turn * self._jitter.heading_rad),
                 )
-                if _free(pose, self._robot.radius_m, boxes, discs, poses):
+                if _free(pose, self._robot.radius_m, self._boxes, self._discs, poses):
                     poses.append(pose)
                     break
             else:
@@ -153,10 +154,11 @@ class EpisodeRunner:
             return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
         return _Pilot(controller, perception)
 
-    def _period(self, pilots: list[_Pilot], t_s: float, dt_s: float) -> None:
-        """Let every running robot observe and act, then move all, and keep what they did."""
+    def _period(
+        self, pilots: list[_Pilot], before: list[tuple[float, ...]], t_s: float, dt_s: float
+    ) -> list[tuple[float, ...]]:
+        """Let every running robot observe and act, then move all; keep what they did and return their new rows."""
         simulator = self._simulator
-        before = simulator.rows()
         active = [i for i, row in enumerate(before) if row[11]]
         for i in active:
             self._act(pilots[i], i, t_s, before[i])
@@ -179,6 +181,7 @@ class EpisodeRunner:
             pilot.states.append((t_s, x, y, heading, v, w))
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
+        return after
 
     def _act(self, pilot: _Pilot, index: int, t_s: float, row: tuple[float, ...]) -> None:
         """Let one robot observe and act; what it does wrong ends it with a reason."""

@@ -30,8 +30,6 @@ ROBOT = np.dtype(
         ("path_length_m", "f8"),
         ("turning_rad", "f8"),
         ("running", "i8"),
-        ("left_target_mps", "f8"),  # the command in force
-        ("right_target_mps", "f8"),
         ("goal_x_m", "f8"),
         ("goal_y_m", "f8"),
         ("start_x_m", "f8"),  # the pose before the present substep
@@ -47,6 +45,7 @@ ROBOT = np.dtype(
 @numba.njit(cache=True)
 def move(
     robots: RobotArray,
+    targets_mps: FloatArray,
     boxes: FloatArray,
     discs: FloatArray,
     finish_line: FloatArray,
@@ -65,6 +64,7 @@ def move(
 
     Args:
         robots: (n,) of ``ROBOT``.
+        targets_mps: (n, 2) the command in force for each left and right wheel [m/s].
         boxes: (k, 6) as in ``World.box_rows``.
         discs: (m, 5) as in ``World.disc_rows``, at the substep's end.
         finish_line: (4,) its ends, or (0,) for none.
@@ -81,8 +81,8 @@ def move(
         robot = robots[i]
         if not robot.running:
             continue
-        left, robot.left_mps = _wheel(robot.left_mps, robot.left_target_mps, accel_max_mps2, lag_s, dt_s)
-        right, robot.right_mps = _wheel(robot.right_mps, robot.right_target_mps, accel_max_mps2, lag_s, dt_s)
+        left, robot.left_mps = _wheel(robot.left_mps, targets_mps[i, 0], accel_max_mps2, lag_s, dt_s)
+        right, robot.right_mps = _wheel(robot.right_mps, targets_mps[i, 1], accel_max_mps2, lag_s, dt_s)
         v, w = 0.5 * (left + right), (right - left) / track_m
         x, y, heading = robot.x_m, robot.y_m, robot.heading_rad
         robot.start_x_m, robot.start_y_m, robot.start_heading_rad = x, y, heading

@@ -48,6 +48,7 @@ class Perception:
         self._max = np.array([mount.max_range_m for mount in mounts], dtype=np.float64)
         self._range_rng = stream(seed, world, episode, "range", index) if sensors.noise_std_m else None
         self._dropout_rng = stream(seed, world, episode, "dropout", index) if sensors.dropout_probability else None
+        self._errs = bool(sensors.noise_std_m or sensors.dropout_probability)
         tracker = sensors.tracker
         self._tracker_rng = (
             stream(seed, world, episode, "tracker", index) if tracker and tracker.position_noise_std_m else None
@@ -95,8 +96,9 @@ class Perception:
             ranges_m += self._sensors.noise_std_m * self._range_rng.standard_normal(len(ranges_m))
         if self._dropout_rng is not None:
             ranges_m[self._dropout_rng.random(len(ranges_m)) < self._sensors.dropout_probability] = math.inf
+        if self._errs:
+            np.minimum(ranges_m, self._max, out=ranges_m)
         np.maximum(ranges_m, self._min, out=ranges_m)
-        np.minimum(ranges_m, self._max, out=ranges_m)
         pose, (v, w) = (self._believed, self._believed_speed) if self._drifts else (true_pose, true_speed)
         seen = _NO_DISCS if discs is None else self._track(discs, true_pose, pose)
         if self._similarity.identity:

@@ -88,6 +88,7 @@ class Simulator:
         line = world.finish_line
         self._finish_line = np.array([] if line is None else [line.x1_m, line.y1_m, line.x2_m, line.y2_m])
         self._boxes = world.box_rows()
+        self._discs_at_start = world.disc_rows()
         self._mover_tables = world.mover_tables()
         self._mover_speed = max((max(mover.speeds_mps) for mover in world.movers), default=0.0)
         self._rays = Rays(sensors, robot.radius_m, self._scale)
@@ -125,7 +126,7 @@ class Simulator:
         for body in (*self._robot_bodies, *self._mover_bodies):
             pybullet.removeBody(body, physicsClientId=self._client)
             del self._names[body]
-        self._discs = self.world.disc_rows()
+        self._discs = self._discs_at_start.copy()
         self._robot_bodies = [
             self._add_round(f"robot {i}", start.x_m, start.y_m, self.robot.radius_m, 1.0, (0.1, 0.4, 0.8, 1.0))
             for i, start in enumerate(starts)
@@ -141,7 +142,8 @@ class Simulator:
                 *start, goal.x_m, goal.y_m, math.inf, 1,
             )  # fmt: skip
         self._fastest = 0.0
-        self._issued = np.zeros((len(starts), 2))
+        self._issued = np.zeros((len(starts), 2))  # each wheel's latest command [m/s]
+        self._in_force = self._issued if self._delay_s == 0.0 else self._issued.copy()
         self._in_flight: deque[tuple[float, FloatArray]] = deque()
         self.touching = [False] * len(starts)
         self.contacts = [0] * len(starts)
@@ -199,11 +201,8 @@ class Simulator:
         speed = 0.5 * abs(left + right)
         if speed > self._fastest:
             self._fastest = speed
-        if self._delay_s > 0.0:
-            self._issued[index] = left, right
-        else:
-            robot = self.robots[index]
-            robot["left_target_mps"], robot["right_target_mps"] = left, right
+        self._issued[index, 0] = left
+        self._issued[index, 1] = right
 
     def advance(self, t_s: float, dt_s: float) -> list[Event]:
         """Move everything through one control period and return the ends that came in it.
@@ -241,7 +240,7 @@ class Simulator:
             if arrives > begin:
                 yield begin, arrives - begin
                 begin = arrives
-            self.robots["left_target_mps"], self.robots["right_target_mps"] = targets.T
+            self._in_force[:] = targets
         yield begin, t_s + dt_s - begin
 
     def _substep(self, t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
@@ -250,6 +249,7 @@ class Simulator:
         track = self.robot.track_m
         least, arrived = move(
             self.robots,
+            self._in_force,
             self._boxes,
             self._discs,
             self._finish_line,

@@ -1,0 +1,127 @@
+"""Conformance: every file in conf/ composes, runs and names the source of each of its parameters."""
+
+import functools
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from navbench.catalogue import GROUPS, files_of
+from navbench.cells import Cell
+from navbench.configuration import compose_cell
+from navbench.contract import Observation, Pose
+from navbench.record import RobotRecord
+from navbench.similarity import native_setup
+
+CONF = Path(__file__).parents[1] / "conf"
+FILES = [(group, name) for group in GROUPS for name in files_of(group, [CONF])]
+CONTROLLERS, WORLDS = list(files_of("controller", [CONF])), list(files_of("world", [CONF]))
+KINDS = {"paper", "derived", "public", "tuned", "fitted", "assumed"}
+OUTSIDE = {"defaults", "sources"}
+
+
+@functools.cache
+def cell(controller: str, world: str) -> Cell:
+    return compose_cell(f"controller={controller}", f"world={world}", "world.time_limit_s=6.0")
+
+
+def load(group: str, name: str) -> dict[str, object]:
+    """One file with the parts of its own group that its defaults list draws in, without the schema."""
+    own = yaml.safe_load((CONF / group / f"{name}.yaml").read_text())
+    merged: dict[str, object] = {}
+    for entry in own.get("defaults", []):
+        key, part = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
+        part = str(part).split("@")[0] if not key else str(part)
+        if part != "_self_" and "/" not in f"{key}{part}" and not key.startswith("override"):
+            merge(merged, load(group, part))
+    merge(merged, own)
+    return merged
+
+
+def merge(into: dict[str, object], more: dict[str, object]) -> None:
+    for key, value in more.items():
+        old = into.get(key)
+        if isinstance(value, dict) and isinstance(old, dict):
+            merge(old, value)
+        else:
+            into[key] = value
+
+
+def leaves(value: object, path: tuple[str, ...] = ()) -> list[str]:
+    if isinstance(value, dict) and value:
+        return [leaf for key, inner in value.items() if key != "_target_" for leaf in leaves(inner, (*path, str(key)))]
+    return [".".join(path)]
+
+
+@pytest.mark.parametrize(("group", "name"), FILES)
+def test_a_file_begins_with_a_line_that_says_what_it_is(group: str, name: str) -> None:
+    title = files_of(group, [CONF])[name]
+    assert 20 < len(title) < 120
+
+
+@pytest.mark.parametrize(("group", "name"), FILES)
+def test_every_parameter_carries_its_source(group: str, name: str) -> None:
+    content = load(group, name)
+    sources = content["sources"]
+    assert isinstance(sources, dict)
+    parameters = leaves({key: value for key, value in content.items() if key not in OUTSIDE})
+    for leaf in parameters:
+        covering = [key for key in sources if leaf == key or leaf.startswith(f"{key}.")]
+        assert len(covering) == 1, f"{leaf}: {covering or 'no source'}"
+    for key, source in sources.items():
+        assert any(leaf == key or leaf.startswith(f"{key}.") for leaf in parameters), f"{key}: no such parameter"
+        assert len(KINDS & set(source)) == 1, key
+        assert set(source) <= KINDS | {"range"}, key
+        assert all(source.values()), key
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_every_controller_drives_in_every_world(controller: str, world: str) -> None:
+    chosen = cell(controller, world)
+    with chosen.runner() as runner:
+        records = runner.run(0)
+    for record in records:
+        assert record.outcome != "controller_error", record.reason
+        assert np.isfinite(record.states).all()
+        assert np.isfinite(record.traces[:-1]).all()
+        assert record.metrics.path_length_m > 0.0
+        limit = chosen.robot.wheel_speed_max_mps
+        v, w = record.states[:, 4], record.states[:, 5]
+        assert (np.abs(v) + 0.5 * chosen.robot.track_m * np.abs(w)).max() <= limit * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_controller_is_deterministic_and_forgets_at_reset(controller: str) -> None:
+    def run() -> RobotRecord:
+        with cell(controller, "deadlock").runner() as runner:
+            runner.run(3)
+            return runner.run(0)[0]
+
+    first, second = run(), run()
+    assert first.metrics == second.metrics
+    assert first.states.tobytes() == second.states.tobytes()
+    assert first.traces.tobytes() == second.traces.tobytes()
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_controller_can_be_sent_to_another_process_before_and_after_it_acts(controller: str) -> None:
+    chosen = cell(controller, "deadlock")
+    setup = native_setup(chosen.robot, chosen.sensors.scaled_to(chosen.robot.radius_m), chosen.native)
+    ranges = np.array([sensor.max_range_m for sensor in setup.sensors])
+    look = Observation(0.0, Pose(0.0, 0.0, 0.3), (1.0, 0.5), 0.0, 0.0, ranges, False, np.empty((0, 5)))
+    pickle.loads(pickle.dumps(chosen.make_controller))
+    here = pickle.loads(pickle.dumps(chosen.make_controller()))
+    here.reset(setup, np.random.default_rng(0))
+    here.act(look)
+    there = pickle.loads(pickle.dumps(here))
+    assert here.act(look) == there.act(look)
+
+
+def test_a_schema_stands_behind_every_file_of_a_description() -> None:
+    for group in ("world", "robot", "sensors", "simulator"):
+        for name in files_of(group, [CONF]):
+            content = yaml.safe_load((CONF / group / f"{name}.yaml").read_text())
+            assert f"/schema/{group}@_here_" in content["defaults"], f"{group}/{name}"

@@ -1,0 +1,497 @@
+import itertools
+import math
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import navbench
+from navbench.fuzzy import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
+
+NAMES = ["NL", "NM", "N", "NS", "ZN", "Z", "ZP", "PS", "P", "PM", "PL"]
+PHI_PEAKS_RAD = [-0.7854, -0.6283, -0.4712, -0.3142, -0.1571, 0.0, 0.1571, 0.3142, 0.4712, 0.6283, 0.7854]
+W_PEAKS_RADPS = [-3.0, -2.4, -1.8, -1.2, -0.6, 0.0, 0.6, 1.2, 1.8, 2.4, 3.0]
+SPEED_OF_TURN = dict(zip(NAMES, ["S", "S", "S", "M", "L", "L", "L", "M", "S", "S", "S"], strict=True))
+
+
+def heading_controller(**options: Any) -> FuzzyInference:
+    """Return the published controller of one input, the heading error, and 11 rules."""
+    phi = Variable.from_peaks(dict(zip(NAMES, PHI_PEAKS_RAD, strict=True)), -math.pi, math.pi, shoulders=True)
+    v = Variable.from_peaks({"S": 0.0, "M": 0.1111, "L": 0.2222, "VL": 0.3333}, 0.0, 0.3333, shoulders=False)
+    w = Variable.from_peaks(dict(zip(NAMES, W_PEAKS_RADPS, strict=True)), -3.0, 3.0, shoulders=False)
+    rules = [(name, SPEED_OF_TURN[name], name) for name in NAMES]
+    return FuzzyInference({"phi": phi}, {"v": v, "w": w}, rules, fallback={"v": 0.0, "w": 0.0}, **options)
+
+
+def one_rule_a_term(output: Variable, **options: Any) -> FuzzyInference:
+    """Return an inference whose k-th input, in [0, 1], is the strength of the output's k-th term."""
+    level = Variable(0.0, 1.0, {"on": Term("triangle", (0.0, 1.0, 1.0))})
+    n = len(output.terms)
+    rules = [["any"] * k + ["on"] + ["any"] * (n - 1 - k) + [term] for k, term in enumerate(output.terms)]
+    inputs = {f"strength of {term}": level for term in output.terms}
+    return FuzzyInference(inputs, {"out": output}, rules, fallback={"out": output.low}, **options)
+
+
+def random_terms(rng: np.random.Generator, low: float, high: float, least_width: float) -> dict[str, Term]:
+    """Return one to seven triangles and trapezoids, some with upright edges, some running past the ends."""
+    terms = {}
+    for k in range(rng.integers(1, 8)):
+        centre, width = rng.uniform(low, high), (high - low) * 10.0 ** rng.uniform(math.log10(least_width), 0.2)
+        inner = np.sort(rng.uniform(centre - width / 2.0, centre + width / 2.0, rng.integers(1, 3)))
+        points = [centre - width / 2.0, *inner.tolist(), centre + width / 2.0]
+        if rng.random() < 0.3:
+            points[1] = points[0]
+        if rng.random() < 0.3:
+            points[-2] = points[-1]
+        points.sort()
+        terms[f"t{k}"] = Term("triangle" if len(points) == 3 else "trapezoid", tuple(points))
+    return terms
+
+
+def random_output(rng: np.random.Generator, kind: str) -> Variable:
+    low = rng.uniform(-5.0, 5.0)
+    high = low + 10.0 ** rng.uniform(-1.0, 1.0)
+    if kind in ("shoulders", "half triangles at the ends"):
+        peaks = {f"t{k}": peak for k, peak in enumerate(np.sort(rng.uniform(low, high, rng.integers(2, 9))))}
+        return Variable.from_peaks(peaks, low, high, shoulders=kind == "shoulders")
+    return Variable(low, high, random_terms(rng, low, high, 1e-4 if kind == "narrow terms" else 0.1))
+
+
+def random_strengths(rng: np.random.Generator, n: int) -> list[float]:
+    """Return strengths from 1e-9 to 1, some 0, not all."""
+    strengths = 10.0 ** rng.uniform(rng.choice([-9.0, -2.0]), 0.0, n) * (rng.random(n) < 0.7)
+    strengths[rng.integers(n)] = rng.random() + 1e-9
+    return [float(strength) for strength in np.minimum(strengths, 1.0)]
+
+
+def exact_centroid(output: Variable, strengths: list[float]) -> float:
+    """Return the centroid of clipped triangles and trapezoids: cut wherever two lines meet, then straight pieces."""
+    corners = []
+    for term in output.terms.values():
+        a, b, *top_end, d = term.points
+        corners.append((a, b, top_end[0] if top_end else b, d))
+    lines, cuts = [(0.0, 0.0)], {output.low, output.high}
+    for (a, b, c, d), strength in zip(corners, strengths, strict=True):
+        cuts |= {a, b, c, d}
+        lines.append((0.0, strength))
+        lines += [(1.0 / (b - a), -a / (b - a))] if b > a else []
+        lines += [(-1.0 / (d - c), d / (d - c))] if d > c else []
+    cuts |= {(r - q) / (m - n) for (m, q), (n, r) in itertools.combinations(lines, 2) if m != n}
+    edges = np.array(sorted(cut for cut in cuts if output.low <= cut <= output.high))
+    half = 0.5 * np.diff(edges)
+    area = moment = 0.0
+    for gauss in (-1.0 / math.sqrt(3.0), 1.0 / math.sqrt(3.0)):  # exact for the quadratic x * line
+        x = edges[:-1] + half * (1.0 + gauss)
+        height = np.zeros_like(x)
+        for (a, b, c, d), strength in zip(corners, strengths, strict=True):
+            ramps = [np.full_like(x, strength)]
+            ramps += [(x - a) / (b - a)] if b > a else []
+            ramps += [(d - x) / (d - c)] if d > c else []
+            height = np.maximum(height, np.where((x < a) | (x > d), 0.0, np.min(ramps, axis=0)))
+        area += float(height @ half)
+        moment += float((height * x) @ half)
+    return moment / area
+
+
+@pytest.mark.parametrize("kind", ["shoulders", "half triangles at the ends", "wide terms", "narrow terms"])
+def test_centroid_is_within_a_thousandth_of_the_range_of_the_exact_one(kind: str) -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(500):
+        output = random_output(rng, kind)
+        strengths = random_strengths(rng, len(output.terms))
+        (crisp,) = one_rule_a_term(output)(*strengths)
+        assert abs(crisp - exact_centroid(output, strengths)) < 1e-3 * (output.high - output.low)
+
+
+def test_more_samples_bring_the_centroid_nearer_to_the_exact_one() -> None:
+    rng = np.random.default_rng(8)
+    worst = {20: 0.0, 200: 0.0, 2000: 0.0}
+    for _ in range(100):
+        output = random_output(rng, "half triangles at the ends")
+        strengths = random_strengths(rng, len(output.terms))
+        exact = exact_centroid(output, strengths)
+        for samples in worst:
+            (crisp,) = one_rule_a_term(output, samples=samples)(*strengths)
+            worst[samples] = max(worst[samples], abs(crisp - exact) / (output.high - output.low))
+    assert worst[2000] < 0.2 * worst[200]
+    assert worst[200] < 0.2 * worst[20]
+
+
+def scikit_fuzzy_membership(skfuzzy: Any, term: Term, x: NDArray[np.float64]) -> Any:
+    shapes: dict[str, Callable[[], Any]] = {
+        "triangle": lambda: skfuzzy.trimf(x, term.points),
+        "trapezoid": lambda: skfuzzy.trapmf(x, term.points),
+        "z": lambda: skfuzzy.zmf(x, *term.points),
+        "s": lambda: skfuzzy.smf(x, *term.points),
+    }
+    return shapes[term.shape]()
+
+
+def test_random_systems_agree_with_scikit_fuzzy() -> None:
+    skfuzzy = pytest.importorskip("skfuzzy")
+    rng = np.random.default_rng(9)
+    for _ in range(25):
+        low, high = -1.0, 2.0
+        x = np.linspace(low, high, 6001)
+        ends = {"falling": Term("z", (-0.9, 0.4)), "rising": Term("s", (0.7, 1.8))}
+        inputs = {name: Variable(low, high, {**random_terms(rng, low, high, 0.1), **ends}) for name in ("a", "b")}
+        output = Variable(low, high, {**random_terms(rng, low, high, 0.1), **ends})
+        terms = [list(variable.terms) for variable in (*inputs.values(), output)]
+        rules = [tuple(str(rng.choice(names)) for names in terms) for _ in range(12)]
+        inference = FuzzyInference(inputs, {"out": output}, rules, fallback={"out": 0.0})
+        values = rng.uniform(low, high, 2)
+        aggregated = np.zeros_like(x)
+        strengths = []
+        for *names, conclusion in rules:
+            degrees = [
+                scikit_fuzzy_membership(skfuzzy, variable.terms[name], np.array([value]))[0]
+                for variable, name, value in zip(inputs.values(), names, values, strict=True)
+            ]
+            strengths.append(np.fmin(*degrees))
+            shape = scikit_fuzzy_membership(skfuzzy, output.terms[conclusion], x)
+            aggregated = np.fmax(aggregated, np.fmin(strengths[-1], shape))
+        expected = skfuzzy.defuzz(x, aggregated, "centroid") if max(strengths) > 0.0 else 0.0
+        np.testing.assert_allclose(inference.strengths(*values), strengths, atol=1e-12)
+        assert inference(*values)[0] == pytest.approx(expected, abs=1e-3 * (high - low))
+
+
+def test_z_and_s_are_smooth_mirrored_ramps() -> None:
+    variable = Variable(0.0, 10.0, {"z": Term("z", (2.0, 6.0)), "s": Term("s", (2.0, 6.0))})
+    z, s = memberships(variable, [0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 10.0])
+    np.testing.assert_allclose(z, [1.0, 1.0, 0.875, 0.5, 0.125, 0.0, 0.0])
+    np.testing.assert_allclose(s, 1.0 - z)
+
+
+def test_centroid_of_smooth_terms_matches_a_fine_sum() -> None:
+    rng = np.random.default_rng(10)
+    x = (np.arange(200_000) + 0.5) / 200_000
+    for _ in range(50):
+        low, high = np.sort(rng.uniform(-0.2, 1.2, (2, 2)), axis=1)
+        if low[1] <= 0.0 or high[0] >= 1.0:
+            continue
+        output = Variable(0.0, 1.0, {"z": Term("z", (low[0], low[1])), "s": Term("s", (high[0], high[1]))})
+        strengths = random_strengths(rng, 2)
+        height = np.minimum(memberships(output, x), np.array(strengths)[:, None]).max(axis=0)
+        assert one_rule_a_term(output)(*strengths)[0] == pytest.approx((height @ x) / height.sum(), abs=1e-3)
+
+
+def test_an_upright_edge_belongs_to_its_term() -> None:
+    variable = Variable(0.0, 4.0, {"left": Term("triangle", (1.0, 1.0, 2.0)), "right": Term("trapezoid", (2, 3, 3, 3))})
+    left, right = memberships(variable, [0.999, 1.0, 1.5, 2.5, 3.0, 3.001])
+    np.testing.assert_allclose(left, [0.0, 1.0, 0.5, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(right, [0.0, 0.0, 0.0, 0.5, 1.0, 0.0])
+
+
+def test_from_peaks_puts_feet_at_the_neighbouring_peaks() -> None:
+    peaks = {"low": 1.0, "middle": 3.0, "high": 7.0}
+    shouldered = Variable.from_peaks(peaks, 0.0, 10.0, shoulders=True).terms
+    assert shouldered["low"] == Term("trapezoid", (0.0, 0.0, 1.0, 3.0))
+    assert shouldered["middle"] == Term("triangle", (1.0, 3.0, 7.0))
+    assert shouldered["high"] == Term("trapezoid", (3.0, 7.0, 10.0, 10.0))
+    halved = Variable.from_peaks(peaks, 0.0, 10.0, shoulders=False).terms
+    assert halved["low"] == Term("triangle", (1.0, 1.0, 3.0))
+    assert halved["high"] == Term("triangle", (3.0, 7.0, 7.0))
+
+
+def test_a_circular_input_wraps_at_its_ends() -> None:
+    peaks = {"front": 0.0, "left": 90.0, "back": 180.0, "right": 270.0}
+    bearing = Variable.from_peaks(peaks, 0.0, 360.0, shoulders=False, circular=True)
+    degrees = memberships(bearing, [0.0, 45.0, 315.0, 360.0, -45.0, 405.0, 765.0])
+    np.testing.assert_allclose(degrees[0], [1.0, 0.5, 0.5, 1.0, 0.5, 0.5, 0.5])
+    np.testing.assert_allclose(degrees.sum(axis=0), 1.0)
+    past_the_end = Variable(-180.0, 180.0, {"back": Term("trapezoid", (150.0, 170.0, 200.0, 230.0))}, circular=True)
+    np.testing.assert_allclose(
+        memberships(past_the_end, [160.0, 180.0, -180.0, -165.0, -145.0, 0.0])[0], [0.5, 1, 1, 1, 0.5, 0]
+    )
+
+
+def test_an_input_outside_its_range_saturates_to_the_nearer_end() -> None:
+    controller = heading_controller()
+    assert controller(4.0) == controller(math.inf) == controller(math.pi)
+    assert controller(-4.0) == controller(-math.inf) == controller(-math.pi)
+
+
+@pytest.mark.parametrize("defuzzification", ["centroid", "weighted_mean_of_peaks"])
+def test_an_output_on_which_no_rule_fires_takes_its_fallback(defuzzification: str) -> None:
+    distance = Variable(0.0, 10.0, {"near": Term("triangle", (0.0, 1.0, 2.0)), "far": Term("triangle", (3, 4, 5))})
+    speed = Variable.from_peaks({"slow": 0.0, "fast": 1.0}, 0.0, 1.0, shoulders=False)
+    inference = FuzzyInference(
+        {"distance": distance},
+        {"v": speed, "w": speed},
+        [("near", "slow", "none"), ("far", "none", "fast")],
+        fallback={"v": 0.25, "w": 0.75},
+        defuzzification=defuzzification,
+    )
+    assert inference(8.0) == (0.25, 0.75)
+    assert inference(1.0)[0] != 0.25
+    assert inference(1.0)[1] == 0.75
+    assert inference(4.0)[0] == 0.25
+    assert inference(5e-324) == (0.25, 0.75)  # too weak to divide by
+
+
+@pytest.mark.parametrize("strength", [1e-190, 1e-30, 1e-6])
+def test_a_weak_rule_moves_its_output_to_the_middle_of_the_term(strength: float) -> None:
+    output = Variable(0.0, 1.0, {"only": Term("triangle", (0.2, 0.3, 0.6))})
+    assert one_rule_a_term(output)(strength)[0] == pytest.approx(0.4, abs=1e-6)
+
+
+def test_weighted_mean_of_peaks_matches_the_sum_by_hand() -> None:
+    a = Variable.from_peaks({"low": 0.0, "high": 1.0}, 0.0, 1.0, shoulders=False)
+    v = Variable(
+        0.0,
+        10.0,
+        {
+            "triangle": Term("triangle", (0.0, 2.0, 3.0)),
+            "trapezoid": Term("trapezoid", (3.0, 4.0, 8.0, 9.0)),
+            "z": Term("z", (1.0, 3.0)),
+            "s": Term("s", (7.0, 9.0)),
+        },
+    )
+    rules = [
+        ("low", "low", "triangle"),  # min(0.8, 0.3) = 0.3
+        ("low", "high", "trapezoid"),  # min(0.8, 0.7) = 0.7
+        ("high", "low", "z"),  # min(0.2, 0.3) = 0.2
+        ("high", "any", "s"),  # 0.2
+        ("any", "high", "trapezoid"),  # 0.7: a second rule on one term counts again
+        ("any", "any", "none"),
+    ]
+    inference = FuzzyInference(
+        {"a": a, "b": a}, {"v": v}, rules, fallback={"v": 0.0}, defuzzification="weighted_mean_of_peaks"
+    )
+    np.testing.assert_allclose(inference.strengths(0.2, 0.7), [0.3, 0.7, 0.2, 0.2, 0.7, 1.0])
+    expected = (0.3 * 2.0 + 0.7 * 6.0 + 0.2 * 1.0 + 0.2 * 9.0 + 0.7 * 6.0) / (0.3 + 0.7 + 0.2 + 0.2 + 0.7)
+    assert inference(0.2, 0.7)[0] == pytest.approx(expected)
+
+
+def test_control_surface_of_the_heading_controller_is_the_published_one() -> None:
+    phi_deg = [0.0, 9.0, 13.5, 18.0, 22.5, 27.0, 36.0, 45.0, 60.0, 180.0]
+    v_mps, w_radps = heading_controller().surface(np.radians(phi_deg)).T
+    np.testing.assert_allclose(w_radps, [0, 0.6, 0.9, 1.2, 1.5, 1.8, 2.4, 2.801, 2.801, 2.801], atol=2e-3)
+    np.testing.assert_allclose(
+        v_mps, [0.2222, 0.2222, 0.1667, 0.1111, 0.0978, 0.037, 0.037, 0.037, 0.037, 0.037], atol=1e-4
+    )
+
+
+def test_turning_speed_is_odd_and_monotone_in_the_heading_error() -> None:
+    phi_rad = np.linspace(-math.pi, math.pi, 2001)
+    v_mps, w_radps = heading_controller().surface(phi_rad).T
+    np.testing.assert_allclose(w_radps, -w_radps[::-1], atol=1e-9)
+    np.testing.assert_allclose(v_mps, v_mps[::-1], atol=1e-9)
+    assert (np.diff(w_radps) > -1e-12).all()
+
+
+def test_surface_has_one_axis_an_input_and_one_for_the_outputs() -> None:
+    output = Variable.from_peaks({"low": 0.0, "high": 1.0}, 0.0, 1.0, shoulders=False)
+    inference = one_rule_a_term(output)
+    surface = inference.surface([0.1, 0.5], [0.2, 0.4, 0.9])
+    assert surface.shape == (2, 3, 1)
+    assert surface[1, 2, 0] == inference(0.5, 0.9)[0]
+
+
+@pytest.mark.parametrize("options", [{}, {"defuzzification": "weighted_mean_of_peaks"}, {"samples": 50}])
+def test_a_pickled_inference_gives_identical_outputs(options: dict[str, Any]) -> None:
+    controller = heading_controller(**options)
+    copy = pickle.loads(pickle.dumps(controller))
+    for phi_rad in np.linspace(-4.0, 4.0, 101):
+        assert copy(phi_rad) == controller(phi_rad)
+
+
+def test_replacing_terms_or_rules_changes_the_answer_and_compiles_nothing() -> None:
+    controller = heading_controller()
+    before = controller(0.3)
+    signatures = list(getattr(infer, "signatures", []))
+    wider = Variable.from_peaks({"S": 0.0, "L": 0.3, "M": 0.8, "XL": 0.9, "VL": 1.0}, 0.0, 1.0, shoulders=True)
+    faster = controller.replaced(outputs={"v": wider})
+    mirrored = controller.replaced(
+        rules=[(a, v, b) for (a, v, _), b in zip(controller.rules, NAMES[::-1], strict=True)]
+    )
+    assert faster(0.3)[0] > before[0]
+    assert faster(0.3)[1] == before[1]
+    assert mirrored(0.3)[1] == pytest.approx(-before[1])
+    assert one_rule_a_term(wider)(0.1, 0.2, 0.3, 0.4, 0.5)[0] > 0.0
+    assert heading_controller(defuzzification="weighted_mean_of_peaks")(0.3)[1] == pytest.approx(1.146, abs=1e-3)
+    assert controller(0.3) == before
+    assert list(getattr(infer, "signatures", [])) == signatures
+    with pytest.raises(ValueError, match=r"no output 'speed'; allowed: v, w"):
+        controller.replaced(outputs={"speed": wider})
+
+
+def test_every_rule_base_has_the_type_that_is_compiled_once() -> None:
+    whole = Term("triangle", (0, 180, 360))
+    lone = {"x": Variable(0, 360, {"a": whole}, circular=True)}, {"y": Variable(0, 360, {"a": whole})}, [("a", "a")]
+    rng = np.random.default_rng(11)
+    cases = [heading_controller(), FuzzyInference(*lone, fallback={"y": 0}, samples=1)]
+    cases += [heading_controller(defuzzification="weighted_mean_of_peaks")]
+    cases += [one_rule_a_term(random_output(rng, "wide terms")) for _ in range(20)]
+    types = {numba.typeof(tuple(case.tables)) for case in cases}  # type: ignore[no-untyped-call,unused-ignore]
+    assert len(types) == 1
+
+
+def test_compiled_code_can_call_the_inference() -> None:
+    @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
+    def sweep(tables: Any, phi_rad: Any, out: Any) -> int:
+        unusable = 0
+        for i in range(phi_rad.size):
+            unusable += infer(tables, phi_rad[i : i + 1], out[i]) >= 0
+        return unusable
+
+    controller = heading_controller()
+    phi_rad = np.array([-0.5, 0.1, math.nan, 0.4])
+    out = np.empty((4, 2))
+    assert sweep(controller.tables, phi_rad, out) == 1
+    assert np.isnan(out[2]).all()
+    for i in (0, 1, 3):
+        assert tuple(out[i]) == controller(phi_rad[i])
+
+
+def test_without_compilation_the_outputs_are_the_same() -> None:
+    cases = [heading_controller(), heading_controller(defuzzification="weighted_mean_of_peaks")]
+    points = [-4.0, -0.3, 0.0, 0.123, 2.0]
+    bearing = Variable.from_peaks({"front": 0.0, "back": 3.0}, -3.0, 3.0, shoulders=False, circular=True)
+    cases.append(cases[0].replaced(inputs={"phi": bearing}, rules=[("front", "S", "NL"), ("back", "none", "PS")]))
+    program = (
+        "import pickle, sys; cases, points = pickle.load(sys.stdin.buffer);"
+        "sys.stdout.buffer.write(pickle.dumps([[case(point) for point in points] for case in cases]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        input=pickle.dumps((cases, points)),
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(Path(navbench.__file__).parents[1])},
+        capture_output=True,
+        check=True,
+    )
+    np.testing.assert_allclose(
+        pickle.loads(done.stdout), [[case(point) for point in points] for case in cases], rtol=1e-12
+    )
+
+
+def test_an_unusable_input_raises_and_is_named() -> None:
+    controller = heading_controller()
+    with pytest.raises(ValueError, match=r"input 'phi' is nan"):
+        controller(math.nan)
+    with pytest.raises(ValueError, match=r"input 'phi' is nan"):
+        controller.strengths(math.nan)
+    with pytest.raises(ValueError, match=r"the inputs are phi, but 2 values were given"):
+        controller(0.1, 0.2)
+    bearing = Variable.from_peaks({"front": 0.0, "back": 3.0}, -3.0, 3.0, shoulders=False, circular=True)
+    circular = controller.replaced(inputs={"phi": bearing}, rules=[("front", "S", "Z")])
+    with pytest.raises(ValueError, match=r"input 'phi' is inf"):
+        circular(math.inf)
+    with pytest.raises(ValueError, match="not finite"):
+        memberships(bearing, [0.0, math.nan])
+
+
+@pytest.mark.parametrize(
+    ("shape", "points", "message"),
+    [
+        ("bell", (0.0, 1.0, 2.0), r"'bell' is unknown; allowed: triangle, trapezoid, z, s"),
+        ("triangle", (0.0, 1.0), r"takes 3 points, not 2"),
+        ("trapezoid", (0.0, 1.0, math.nan, 3.0), r"must be finite"),
+        ("triangle", (0.0, 2.0, 1.0), r"must not descend"),
+        ("z", (1.0, 1.0), r"must have a width"),
+    ],
+)
+def test_a_wrong_term_is_refused(shape: str, points: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Term(shape, points)
+
+
+def test_a_wrong_variable_is_refused() -> None:
+    term = Term("triangle", (0.0, 0.5, 1.0))
+    with pytest.raises(ValueError, match="low < high"):
+        Variable(1.0, 0.0, {"a": term})
+    with pytest.raises(ValueError, match="at least one term"):
+        Variable(0.0, 1.0, {})
+    with pytest.raises(ValueError, match="'any' cannot name a term"):
+        Variable(0.0, 1.0, {"any": term})
+    with pytest.raises(ValueError, match="cannot lie on a circular variable"):
+        Variable(0.0, 1.0, {"a": Term("z", (0.0, 1.0))}, circular=True)
+    with pytest.raises(ValueError, match="more than a period past"):
+        Variable(0.0, 1.0, {"a": Term("triangle", (0.5, 1.0, 2.5))}, circular=True)
+    with pytest.raises(ValueError, match="ascending"):
+        Variable.from_peaks({"a": 0.5, "b": 0.2}, 0.0, 1.0, shoulders=True)
+    with pytest.raises(ValueError, match="within"):
+        Variable.from_peaks({"a": 0.5, "b": 1.2}, 0.0, 1.0, shoulders=True)
+    with pytest.raises(ValueError, match="no shoulders"):
+        Variable.from_peaks({"a": 0.2, "b": 0.5}, 0.0, 1.0, shoulders=True, circular=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rules": [("near", "slow"), ("far", "slow")]}, r"rule 2: input 'd' has no term 'far'; allowed: near, any"),
+        ({"rules": [("near", "fast")]}, r"rule 1: output 'v' has no term 'fast'; allowed: slow, none"),
+        ({"rules": [("near",)]}, r"rule 1 needs 1 input and 1 output terms"),
+        ({"rules": []}, r"at least one input, one output and one rule"),
+        ({"fallback": {"w": 0.0}}, r"fallback must name v, not w"),
+        ({"fallback": {"v": 2.0}}, r"output 'v': the fallback 2.0 lies outside \[0.0, 1.0\]"),
+        ({"fallback": {"v": math.nan}}, r"output 'v': the fallback nan lies outside"),
+        ({"defuzzification": "bisector"}, r"'bisector' is unknown; allowed: centroid, weighted_mean_of_peaks"),
+        ({"samples": 0}, r"samples must be at least 1"),
+        ({"outputs": {"v": Variable(0.0, 1.0, {"slow": Term("z", (-2.0, -1.0))})}}, r"term 'slow' lies outside"),
+        (
+            {
+                "outputs": {"v": Variable(0.0, 1.0, {"slow": Term("triangle", (-2.0, -1.0, 1.0))})},
+                "defuzzification": "weighted_mean_of_peaks",
+            },
+            r"the peak -1.0 of 'slow' lies outside",
+        ),
+        (
+            {"outputs": {"v": Variable(0.0, 1.0, {"slow": Term("triangle", (0.0, 0.5, 1.0))}, circular=True)}},
+            r"output 'v' is circular",
+        ),
+    ],
+)
+def test_a_wrong_rule_base_is_refused(changes: dict[str, Any], message: str) -> None:
+    right = {
+        "inputs": {"d": Variable(0.0, 1.0, {"near": Term("triangle", (0.0, 0.0, 1.0))})},
+        "outputs": {"v": Variable(0.0, 1.0, {"slow": Term("triangle", (0.0, 0.0, 1.0))})},
+        "rules": [("near", "slow")],
+        "fallback": {"v": 0.0},
+    }
+    FuzzyInference(**right)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=message):
+        FuzzyInference(**{**right, **changes})
+
+
+def test_a_printed_table_becomes_rules_in_its_order() -> None:
+    near_far = Variable.from_peaks({"near": 0.0, "far": 1.0}, 0.0, 1.0, shoulders=False)
+    speed = Variable.from_peaks({"stop": 0.0, "slow": 0.5, "fast": 1.0}, 0.0, 1.0, shoulders=False)
+    inputs, one, two = {"a": near_far, "b": near_far}, {"v": speed}, {"v": speed, "w": speed}
+    table: Table = {"near": ["stop", "slow"], "far": {"near": "slow", "any": "fast"}}
+    assert rules_from_table(table, inputs, one) == [
+        ("near", "near", "stop"),
+        ("near", "far", "slow"),
+        ("far", "near", "slow"),
+        ("far", "any", "fast"),
+    ]
+    assert rules_from_table({"near": ["stop none", ["slow", "fast"]]}, inputs, two) == [
+        ("near", "near", "stop", "none"),
+        ("near", "far", "slow", "fast"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"close": ["stop", "slow"]}, r"input 'a' has no term 'close'; allowed: near, far, any"),
+        ({"near": ["stop", "quick"]}, r"output 'v' has no term 'quick'; allowed: stop, slow, none"),
+        ({"near": ["stop"]}, r"the table at \[near\] needs 2 entries, for input 'b', not 1"),
+        ({"near": "stop"}, r"the table at \[near\] needs a mapping or a list over input 'b', not 'stop'"),
+        ({"near": [["stop", "slow"], "slow"]}, r"the table at \[near, near\] needs 1 output term\(s\)"),
+        ({"near": ["stop", None]}, r"the table at \[near, far\] needs 1 output term\(s\), not None"),
+    ],
+)
+def test_a_wrong_table_is_refused(table: Any, message: str) -> None:
+    near_far = Variable.from_peaks({"near": 0.0, "far": 1.0}, 0.0, 1.0, shoulders=False)
+    speed = Variable.from_peaks({"stop": 0.0, "slow": 0.5}, 0.0, 1.0, shoulders=False)
+    with pytest.raises(ValueError, match=message):
+        rules_from_table(table, {"a": near_far, "b": near_far}, {"v": speed})
