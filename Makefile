@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: run test lint format clean
+.PHONY: run test lint format clean clean-cache
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
@@ -33,3 +33,6 @@ $(STAMP): pyproject.toml constraints.txt
 
 clean:
 	rm -rf $(VENV) outputs multirun .pytest_cache .mypy_cache .ruff_cache
+
+clean-cache: ## drop compiled functions: a cache notices changes of its own file only
+	find navbench controllers -name '*.nb[ic]' -delete

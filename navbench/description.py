@@ -1,9 +1,9 @@
 """What every description (world, robot, sensors, simulator) shares: its strictness, its number types, its errors."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
 
 from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
@@ -35,7 +35,8 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         DescriptionError: one line that names the first wrong key, its value and what is allowed.
     """
     try:
-        return _adapter(kind).validate_python(dict(values))
+        made: T = _adapter(cast(Hashable, kind)).validate_python(dict(values))
+        return made
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         loc = first["loc"]
@@ -52,7 +53,7 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
 
 
 @cache
-def _adapter(kind: type[T]) -> TypeAdapter[T]:
+def _adapter(kind: Any) -> TypeAdapter[Any]:
     """Return what validates a description; making it costs more than using it."""
     return TypeAdapter(kind)
 

@@ -1,5 +1,6 @@
 """Figures of stored results: trajectories over their world."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,27 +21,30 @@ LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
 
 
-def save_trajectories(results: Results, file: Path) -> None:
-    """Draw all episodes of a results directory, a panel a cell, and save the picture.
+def save_trajectories(runs: Sequence[Results], file: Path) -> None:
+    """Draw all episodes of some results directories, a panel a cell, and save the picture.
 
     Args:
-        results: the directory.
+        runs: the directories.
         file: where to save; its ending chooses the format.
     """
     from matplotlib.figure import Figure
 
-    cells = results.manifest()["cells"]
-    episodes, trajectories = results.episodes(), results.trajectories()
-    columns = min(3, len(cells))
-    rows = -(-len(cells) // columns)
+    panels = []
+    for results in runs:
+        episodes, trajectories = results.episodes(), results.trajectories()
+        for cell in results.manifest()["cells"]:
+            run = cell["run_id"]
+            panels.append((cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run]))
+    columns = min(3, len(panels))
+    rows = -(-len(panels) // columns)
     figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
-    for ax, cell in zip(axes, cells, strict=False):
-        run = cell["run_id"]
-        draw_cell(ax, cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run])
-    for ax in axes[len(cells) :]:
+    for ax, panel in zip(axes, panels, strict=False):
+        draw_cell(ax, *panel)
+    for ax in axes[len(panels) :]:
         ax.set_axis_off()
-    figure.savefig(file, dpi=110, metadata={"Software": None} if file.suffix == ".png" else None)
+    figure.savefig(file, dpi=110, bbox_inches="tight", metadata={"Software": None} if file.suffix == ".png" else None)
 
 
 def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:

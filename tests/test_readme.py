@@ -1,0 +1,64 @@
+"""What the README tells a reader to type works, word for word."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+README = (Path(__file__).parents[1] / "README.md").read_text()
+NAVBENCH = shutil.which("navbench", path=str(Path(sys.executable).parent)) or "navbench"
+
+
+def block_after(words: str, language: str) -> str:
+    """The first fenced block of a language after some words."""
+    found = re.search(rf"```{language}\n(.*?)```", README[README.index(words) :], re.S)
+    assert found
+    return found[1]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A user's folder, with the README's own controller and world."""
+    for group in ("controller", "world"):
+        (tmp_path / "conf" / group).mkdir(parents=True)
+    (tmp_path / "mine.py").write_text(block_after("`mine.py`", "python"))
+    (tmp_path / "conf/controller/mine.yaml").write_text(block_after("`conf/controller/mine.yaml`", "yaml"))
+    (tmp_path / "conf/controller/sized.yaml").write_text(block_after("drive robots of", "yaml"))
+    (tmp_path / "conf/world/gate.yaml").write_text(block_after("`conf/world/gate.yaml`", "yaml"))
+    return tmp_path
+
+
+def navbench(folder: Path, *words: str) -> str:
+    done = subprocess.run([NAVBENCH, *words], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_your_own_controller_takes_about_ten_lines(folder: Path) -> None:
+    code = [line for line in (folder / "mine.py").read_text().splitlines() if line.strip()]
+    assert len(code) <= 12
+
+
+def test_your_own_controller_runs_from_a_folder_outside_the_project(folder: Path) -> None:
+    printed = navbench(folder, "--config-dir", "conf", "controller=mine", "world=empty")
+    assert re.search(r"^mine +empty +khepera3 +1 of 1 ", printed, re.M)
+
+
+def test_your_own_controller_with_a_native_robot_drives_a_larger_one(folder: Path) -> None:
+    printed = navbench(folder, "--config-dir", "conf", "controller=sized", "world=empty_100")
+    assert re.search(r"^sized +empty_100 +disc4 +1 of 1 ", printed, re.M)
+
+
+def test_your_own_world_runs(folder: Path) -> None:
+    printed = navbench(folder, "--config-dir", "conf", "controller=sflc", "world=gate")
+    assert re.search(r"^sflc +gate +khepera3 +\d of 1 ", printed, re.M)
+    assert "controller_error" not in printed
+
+
+def test_the_readme_prints_what_the_first_command_prints(folder: Path) -> None:
+    printed = navbench(folder, "controller=sflc", "world=deadlock")
+    shown = README[README.index("controller    world ") :].split("```")[0]
+    assert shown.strip() == printed[: printed.index("\nresults:")].strip()
