@@ -65,6 +65,50 @@ class Law:
     turn_limit_radps: Positive
 
 
+class PidLaw:
+    """The law and what it remembers between two control periods.
+
+    Args:
+        parameters: its parameters.
+    """
+
+    def __init__(self, parameters: Law) -> None:
+        self.parameters = parameters
+        self.reset(1.0)
+
+    def reset(self, period_s: float) -> None:
+        """Begin an episode with this control period [s]."""
+        self._period_s = period_s
+        self._behavior: float | None = None
+        self._sum_rad = 0.0
+        self._error_rad = 0.0
+        self._terms_radps = (0.0, 0.0, 0.0)
+
+    def turn(self, error_rad: float, behavior: float) -> float:
+        """Return the limited turning rate for the heading error of a behaviour [rad/s]."""
+        law = self.parameters
+        if behavior != self._behavior:
+            self._behavior, self._sum_rad, self._error_rad = behavior, 0.0, error_rad
+        total = self._sum_rad + error_rad
+        self._terms_radps = pid_terms(error_rad, total, self._error_rad, self._period_s, law.kp, law.ki, law.kd)
+        self._error_rad = error_rad
+        turn_radps = sum(self._terms_radps)
+        if abs(turn_radps) <= law.turn_limit_radps:
+            self._sum_rad = total
+        return min(max(turn_radps, -law.turn_limit_radps), law.turn_limit_radps)
+
+    @property
+    def trace(self) -> dict[str, float]:
+        """The three terms of the latest turn, and whether the limit acted (1: true)."""
+        proportional, integral, differential = self._terms_radps
+        return {
+            "proportional_radps": proportional,
+            "integral_radps": integral,
+            "differential_radps": differential,
+            "turn_limited": float(abs(sum(self._terms_radps)) > self.parameters.turn_limit_radps),
+        }
+
+
 class Pid:
     """Two behaviours, one PID law.
 
@@ -98,7 +142,7 @@ class Pid:
             ValueError: a parameter is unknown, missing or out of range.
         """
         given = {"kp": kp, "ki": ki, "kd": kd, "speed_mps": speed_mps, "turn_limit_radps": turn_limit_radps}
-        self._law = describe(Law, given, "Pid")
+        self._law = PidLaw(describe(Law, given, "Pid"))
         self._behaviors = Behaviors(behaviors)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
@@ -108,34 +152,14 @@ class Pid:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
         self._behaviors.reset(setup)
-        self._period_s = setup.period_s
-        self._behavior: float | None = None
-        self._sum_rad = 0.0
-        self._error_rad = 0.0
-        self._terms_radps = (0.0, 0.0, 0.0)
+        self._law.reset(setup.period_s)
 
     def act(self, observation: Observation) -> Command:
         """Return the constant speed and the PID law's answer to the heading error of the active behaviour."""
-        law, error = self._law, self._behaviors.heading_error(observation)
-        if self._behaviors.active != self._behavior:
-            self._behavior, self._sum_rad, self._error_rad = self._behaviors.active, 0.0, error
-        total = self._sum_rad + error
-        self._terms_radps = pid_terms(error, total, self._error_rad, self._period_s, law.kp, law.ki, law.kd)
-        self._error_rad = error
-        turn_radps = sum(self._terms_radps)
-        if abs(turn_radps) <= law.turn_limit_radps:
-            self._sum_rad = total
-        limited = min(max(turn_radps, -law.turn_limit_radps), law.turn_limit_radps)
-        return Command(law.speed_mps, limited)
+        error = self._behaviors.heading_error(observation)
+        return Command(self._law.parameters.speed_mps, self._law.turn(error, self._behaviors.active))
 
     @property
     def trace(self) -> dict[str, float]:
-        """The behaviours' trace (``aouf2019.TRACE``), the law's three terms, and whether the limit acts (1: true)."""
-        proportional, integral, differential = self._terms_radps
-        return {
-            **self._behaviors.trace,
-            "proportional_radps": proportional,
-            "integral_radps": integral,
-            "differential_radps": differential,
-            "turn_limited": float(abs(sum(self._terms_radps)) > self._law.turn_limit_radps),
-        }
+        """The behaviours' trace (``aouf2019.TRACE``) and the law's (``PidLaw.trace``)."""
+        return {**self._behaviors.trace, **self._law.trace}

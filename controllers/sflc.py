@@ -115,19 +115,8 @@ class Sflc:
         Raises:
             ValueError: a parameter is unknown, missing or out of range.
         """
-        given = {
-            "heading_error_peaks_rad": heading_error_peaks_rad,
-            "speed_peaks_mps": speed_peaks_mps,
-            "turn_peaks_radps": turn_peaks_radps,
-        }
-        peaks = describe(Peaks, given, "Sflc")
         self._behaviors = Behaviors(behaviors)
-        self.inference = FuzzyInference(
-            {"heading_error": Variable.from_peaks(peaks.heading_error_peaks_rad, -math.pi, math.pi, shoulders=True)},
-            {"speed": _output(peaks.speed_peaks_mps), "turn": _output(peaks.turn_peaks_radps)},
-            RULES,
-            fallback={"speed": peaks.speed_peaks_mps["S"], "turn": peaks.turn_peaks_radps["Z"]},  # a rule always fires
-        )
+        self.inference = same_fuzzy_controller(heading_error_peaks_rad, speed_peaks_mps, turn_peaks_radps)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -146,6 +135,35 @@ class Sflc:
     def trace(self) -> dict[str, float]:
         """What the behaviours and the arbitration did at the latest act: see ``aouf2019.TRACE``."""
         return self._behaviors.trace
+
+
+def same_fuzzy_controller(
+    heading_error_peaks_rad: Mapping[str, float],
+    speed_peaks_mps: Mapping[str, float],
+    turn_peaks_radps: Mapping[str, float],
+) -> FuzzyInference:
+    """Return the fuzzy controller: heading error [rad] to speed [m/s] and turning rate [rad/s].
+
+    Args:
+        heading_error_peaks_rad: peak of each of the eleven sets of the input [rad].
+        speed_peaks_mps: peak of each of the four sets of the speed [m/s].
+        turn_peaks_radps: peak of each of the eleven sets of the turning rate [rad/s].
+
+    Raises:
+        ValueError: a set is unknown, missing, out of order or out of range.
+    """
+    given = {
+        "heading_error_peaks_rad": heading_error_peaks_rad,
+        "speed_peaks_mps": speed_peaks_mps,
+        "turn_peaks_radps": turn_peaks_radps,
+    }
+    peaks = describe(Peaks, given, "build")
+    return FuzzyInference(
+        {"heading_error": Variable.from_peaks(peaks.heading_error_peaks_rad, -math.pi, math.pi, shoulders=True)},
+        {"speed": _output(peaks.speed_peaks_mps), "turn": _output(peaks.turn_peaks_radps)},
+        RULES,
+        fallback={"speed": peaks.speed_peaks_mps["S"], "turn": peaks.turn_peaks_radps["Z"]},  # a rule always fires
+    )
 
 
 def _output(peaks: Mapping[str, float]) -> Variable:

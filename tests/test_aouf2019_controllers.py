@@ -1,3 +1,5 @@
+import copy
+import functools
 import math
 import pickle
 from collections.abc import Iterator
@@ -9,16 +11,18 @@ import pytest
 from omegaconf import OmegaConf
 
 import navbench.conf
+from navbench.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
 from navbench.controllers import aouf2019
 from navbench.controllers.aouf2019 import FOLLOW_WALL, GO_TO_GOAL, LEFT, NO_SIDE, RIGHT, SENSOR_ROLES
 from navbench.controllers.aouf2019_behaviors import Behaviors
 from navbench.controllers.go_to_goal import GoToGoal
+from navbench.controllers.mixed import Mixed
 from navbench.controllers.pid import Pid
 from navbench.controllers.sflc import RULES, Sflc
 
 CONF = Path(navbench.conf.__file__).parent
-KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal}
+KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal, "mixed": Mixed}
 PERIOD_S = 0.05
 WINDOW = 20  # control periods of 0.05 s in the stall window of 1 s
 FAR_M = 0.2  # a sensor that sees nothing
@@ -41,16 +45,21 @@ SETUP = Setup(
     ),
     PERIOD_S,
 )
+NONE = np.empty((0, 5))
 MIRRORED = [7, 6, 5, 4, 3, 2, 1, 0, 8]  # the sensor that stands where a sensor's mirror image would
 
 
 def build(name: str) -> dict[str, Any]:
     """Return the parameters of a controller's YAML."""
-    configs = [OmegaConf.load(CONF / "controller" / f"{part}.yaml") for part in ("_aouf2019_behaviors", name)]
-    chosen = configs if name != "go_to_goal" else configs[1:]
-    parameters: Any = OmegaConf.to_container(OmegaConf.merge(*(config.build for config in chosen)))
+    parameters = copy.deepcopy(_composed(name))
     del parameters["_target_"]
-    return dict(parameters)
+    return parameters
+
+
+@functools.cache
+def _composed(name: str) -> dict[str, Any]:
+    build: dict[str, Any] = compose_cell(f"controller={name}").configuration["controller"]["build"]
+    return build
 
 
 def make(name: str, behaviors: dict[str, Any] | None = None, **changes: Any) -> Any:
@@ -617,3 +626,50 @@ def test_a_wrong_behaviour_parameter_is_named(name: str, parameter: str, value: 
 def test_a_wrong_parameter_is_named(name: str, parameter: str, value: Any) -> None:
     with pytest.raises(ValueError, match=parameter):
         make(name, **{parameter: value})
+
+
+LAWS_OF_BOTH = ["go_to_goal", "follow_wall"]
+
+
+@pytest.mark.parametrize(
+    ("turn", "speed", "turns_as", "drives_as"),
+    [
+        (LAWS_OF_BOTH, LAWS_OF_BOTH, "sflc", "sflc"),
+        ([], [], "pid", "pid"),
+        ([], LAWS_OF_BOTH, "pid", "sflc"),
+        (LAWS_OF_BOTH, [], "sflc", "pid"),
+    ],
+)
+def test_mixed_laws_are_the_laws_that_they_are_mixed_of(
+    turn: list[str], speed: list[str], turns_as: str, drives_as: str
+) -> None:
+    mixed = make("mixed", fuzzy_turn_in=turn, fuzzy_speed_in=speed)
+    turning, driving = make(turns_as), make(drives_as)
+    rng = np.random.default_rng(5)
+    behaviors = set()
+    for k in range(200):
+        ranges = rng.uniform(0.02, 0.2, 9)
+        look = Observation(
+            0.05 * k, Pose(*rng.uniform(-1.0, 1.0, 3).tolist()), (1.0, 0.5), 0.0, 0.0, ranges, False, NONE
+        )
+        command = mixed.act(look)
+        assert command.w_radps == turning.act(look).w_radps
+        assert command.v_mps == driving.act(look).v_mps
+        behaviors.add(mixed.trace["behavior"])
+    assert behaviors == {GO_TO_GOAL, FOLLOW_WALL}
+
+
+def test_mixed_laws_change_with_the_behaviour() -> None:
+    only_goal = make("mixed", fuzzy_turn_in=["go_to_goal"], fuzzy_speed_in=["go_to_goal"])
+    fuzzy, pid = make("sflc"), make("pid")
+    for ranges in (np.full(9, 0.2), np.full(9, 0.03)):  # the second is unsafe, so the wall is followed
+        look = Observation(0.0, Pose(0.0, 0.0, 0.2), (1.0, 0.5), 0.0, 0.0, ranges, False, NONE)
+        command, by_fuzzy, by_pid = only_goal.act(look), fuzzy.act(look), pid.act(look)
+        assert by_fuzzy != by_pid
+        assert command == (by_fuzzy if only_goal.trace["behavior"] == GO_TO_GOAL else by_pid)
+    assert only_goal.trace["behavior"] == FOLLOW_WALL
+
+
+def test_mixed_refuses_a_behaviour_that_does_not_exist() -> None:
+    with pytest.raises(ValueError, match=r"fuzzy_turn_in=\['fly'\]: must be a list of any of go_to_goal, follow_wall"):
+        make("mixed", fuzzy_turn_in=["fly"])
