@@ -22,7 +22,7 @@ text gives the speed four sets and Table 2 uses three, so VL is drawn and never 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
 from navbench.description import STRICT, Number, describe
-from navbench.fuzzy import FuzzyInference, Variable
+from navbench.fuzzy import FuzzyInference, Variable, memberships
 
 from .aouf2019 import SENSOR_ROLES
 from .aouf2019_behaviors import Behaviors
@@ -135,6 +135,31 @@ class Sflc:
     def trace(self) -> dict[str, float]:
         """What the behaviours and the arbitration did at the latest act: see ``aouf2019.TRACE``."""
         return self._behaviors.trace
+
+    def describe(self) -> dict[str, dict[str, list[Any]]]:
+        """Return named tables for a report: memberships (Figs 10 to 12), rules (Table 2) and the control surface.
+
+        A set is given by its corners, between which it is straight; the surface in steps of half a degree.
+        """
+        corners = [
+            (name, term, x, float(memberships(variable, x)[i, 0]))
+            for name, variable in {**self.inference.inputs, **self.inference.outputs}.items()
+            for i, (term, fuzzy_set) in enumerate(variable.terms.items())
+            for x in sorted(set(fuzzy_set.corners))
+        ]
+        errors_rad = np.radians(np.linspace(-180.0, 180.0, 721))
+        surface = self.inference.surface(errors_rad)
+        return {
+            "memberships": _columns(("variable", "term", "x", "degree"), corners),
+            "rules": _columns(("heading_error", "speed", "turn"), self.inference.rules),
+            "surface": _columns(
+                ("phi_rad", "v_mps", "w_radps"), np.column_stack([errors_rad, surface]).tolist()
+            ),
+        }
+
+
+def _columns(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, list[Any]]:
+    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
 def same_fuzzy_controller(

@@ -18,8 +18,7 @@ def run(*overrides: str, path: str | Path | None = None, config_dir: str | None 
         config_dir: a folder with further controllers, worlds and robots.
 
     Raises:
-        ValueError: a value is wrong, or the parts do not fit together.
-        hydra.errors.HydraException: an unknown choice or key.
+        ValueError: an unknown choice or key, a wrong value, or parts that do not fit together.
     """
     from navbench.interface import run_to_table
 

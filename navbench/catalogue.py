@@ -3,6 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from navbench.description import DescriptionError
+
+CONF = Path(__file__).parent / "conf"
+
 GROUPS = ("controller", "world", "robot", "sensors", "simulator")
 
 
@@ -13,8 +17,24 @@ def groups_in(folders: Sequence[Path]) -> list[str]:
 
 def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
     """Return the names in a group with their first comment line, sorted; one that begins with _ is a part of others."""
-    files = {file.stem: file for folder in folders for file in sorted((folder / group).glob("*.yaml"))}
+    files = {
+        file.stem: file for folder in folders for file in sorted((folder / group).glob("*.yaml")) if file.is_file()
+    }
     return {name: _title(files[name]) for name in sorted(files) if not name.startswith("_")}
+
+
+def check_folder(folder: Path) -> None:
+    """Check that a user's folder is there, and that none of its files hides behind one of navbench's own.
+
+    Raises:
+        DescriptionError: there is no such folder, or one of its files has a name that is taken.
+    """
+    if not folder.is_dir():
+        raise DescriptionError(f"--config-dir={folder}: there is no such folder")
+    for group in GROUPS:
+        for file in sorted((folder / group).glob("*.yaml")):
+            if (CONF / group / file.name).exists() and not file.samefile(CONF / group / file.name):
+                raise DescriptionError(f"{file}: navbench has a {group} of that name; choose another one")
 
 
 def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
@@ -28,6 +48,6 @@ def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
 
 
 def _title(file: Path) -> str:
-    with file.open() as lines:
-        first = lines.readline()
+    with file.open(errors="replace") as lines:
+        first = next((line for line in lines if not line.startswith("# @")), "")
     return first.removeprefix("#").strip() if first.startswith("#") else ""

@@ -2,13 +2,17 @@
 
 import os
 import sys
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from navbench import __version__
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
+
+    from navbench.store import Results
 
 HELP = """navbench: compare reactive navigation controllers of wheeled robots in PyBullet worlds
 
@@ -33,109 +37,175 @@ options
   --version, -h, --help
 """
 VERBS = ("list",)
+CONFIG_DIR = ("--config-dir", "-cd")
 
 
 def main() -> None:
     """Run the command line and exit: 0 when all ran, 2 for wrong input, 130 when interrupted."""
-    arguments = sys.argv[1:]
+    try:
+        code = _verb(sys.argv[1:])
+        print(end="", flush=True)
+    except BrokenPipeError:  # the reader of a pipe, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python writes what is left when it ends
+        code = 0
+    except KeyboardInterrupt:
+        code = _interrupted()
+    sys.exit(code)
+
+
+def _verb(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(HELP, end="")
     elif arguments[0] == "--version":
         print(f"navbench {__version__}")
     elif arguments[0] in VERBS:
-        sys.exit(_list(arguments[1:]))
+        return _list(arguments[1:])
     else:
-        sys.exit(_run(arguments))
+        return _run(arguments)
+    return 0
 
 
 def _list(arguments: list[str]) -> int:
-    from navbench.catalogue import groups_in, print_catalogue
+    from navbench.catalogue import CONF, check_folder, groups_in, print_catalogue
+    from navbench.description import DescriptionError
 
-    folders = [Path(__file__).parent / "conf"]
-    if "--config-dir" in arguments:
-        at = arguments.index("--config-dir")
-        if at + 1 == len(arguments):
-            return _complain("--config-dir: needs a folder")
-        folders.append(Path(arguments[at + 1]))
-        arguments = arguments[:at] + arguments[at + 2 :]
-    for folder in folders:
-        if not folder.is_dir():
-            return _complain(f"--config-dir={folder}: there is no such folder")
+    folders, groups = [CONF], []
+    words = iter(arguments)
+    for word in words:
+        name, _, value = word.partition("=")
+        if name not in CONFIG_DIR:
+            groups.append(word)
+        elif value := value or next(words, ""):
+            folders.append(Path(value))
+        else:
+            return _complain(f"{word}: needs a folder")
+    try:
+        for folder in folders[1:]:
+            check_folder(folder)
+    except DescriptionError as error:
+        return _complain(str(error))
     known = groups_in(folders)
-    for group in arguments:
+    for group in groups:
         if group not in known:
             return _complain(f"list {group}: unknown group; there are {', '.join(known)}")
-    print_catalogue(folders, arguments or known)
+    print_catalogue(folders, groups or known)
     return 0
 
 
 def _run(arguments: list[str]) -> int:
-    """Run one cell or a sweep under Hydra."""
-    from navbench.errors import CONFIGURATION_ERRORS, one_line
-
-    words = [word for word in arguments if not word.startswith("-") and "=" not in word and not word.startswith("~")]
-    first = arguments[0]
-    if first in words:
-        return _complain(f"{first}: unknown verb; allowed: {', '.join(VERBS)}, or keys of a run as key=value")
+    """Run one cell or a sweep under Hydra, then print its table."""
+    if arguments[0][:1] not in ("-", "~") and "=" not in arguments[0]:
+        return _complain(f"{arguments[0]}: unknown verb; allowed: {', '.join(VERBS)}, or keys of a run as key=value")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises instead of printing its own message
-    sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
     import hydra
 
     from navbench import schema
+    from navbench.errors import CONFIGURATION_ERRORS, one_line
 
     schema.register()
-    failed: list[str] = []
+    ran: list[Ran] = []
+    failed: list[Exception] = []
 
     def task(config: "DictConfig") -> None:
         try:
-            _run_cell(config)
-        except CONFIGURATION_ERRORS as error:
-            failed.append(one_line(error))
-            _complain(failed[-1])
+            ran.append(_run_cell(config))
+        except Exception as error:
+            failed.append(error)
+            if not isinstance(error, CONFIGURATION_ERRORS):
+                raise  # a slip in navbench itself, whose place must be seen
+            _complain(f"{_cell_of_a_sweep()}{one_line(error)}")
 
     try:
-        hydra.main(config_path="pkg://navbench.conf", config_name="run", version_base="1.3")(task)()
-    except CONFIGURATION_ERRORS as error:
-        return _complain(one_line(error))
-    except KeyboardInterrupt:
-        print("navbench: interrupted; what was finished is kept", file=sys.stderr)
-        return 130
+        _check_arguments(arguments)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", category=UserWarning, module=r"hydra\.")  # a folder that is missing
+            hydra.main(config_path="pkg://navbench.conf", config_name="run", version_base="1.3")(task)()
+        if ran:
+            _print_tables(ran)
+    except (BrokenPipeError, KeyboardInterrupt):
+        raise
+    except SystemExit as end:  # after --help and the like, and after a wrong flag
+        return 2 if end.code else 0
+    except Exception as error:
+        if error in failed:
+            raise
+        return _complain(one_line(error))  # Hydra composes with errors of many kinds
     return 2 if failed else 0
 
 
-def _run_cell(config: "DictConfig") -> None:
-    """Run one cell into Hydra's directory, and print its table unless it is one of a sweep."""
+class Ran(NamedTuple):
+    """A cell that ran: its results, and the sweep's directory where it was one of a sweep."""
+
+    results: "Results"
+    sweep: Path | None
+
+
+def _check_arguments(arguments: list[str]) -> None:
+    """Check what Hydra would pass over or report as a slip in the program."""
+    from navbench.catalogue import check_folder
+    from navbench.configuration import check_words
+
+    check_words(arguments)
+    for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
+        name, _, value = word.partition("=")
+        if name in CONFIG_DIR and (value or following):
+            check_folder(Path(value or following))
+
+
+def _run_cell(config: "DictConfig") -> Ran:
+    """Run one cell into Hydra's directory."""
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
     from navbench.configuration import cell_of
-    from navbench.errors import CONFIGURATION_ERRORS
-    from navbench.store import discard_empty
 
     job = HydraConfig.get()
+    os.chdir(job.runtime.cwd)  # whatever hydra.job.chdir says: paths are relative to where the user stands
     path = Path(os.path.relpath(job.runtime.output_dir))
-    try:
-        cell = cell_of(config, job.runtime.choices)
-        from navbench.figures import save_trajectories
-        from navbench.running import run_cells
+    cell = cell_of(config, job.runtime.choices)
+    from navbench.figures import save_trajectories
+    from navbench.running import run_cells
 
-        results = run_cells([cell], path, config.workers)
-    except CONFIGURATION_ERRORS:
-        discard_empty(path)
-        raise
-    save_trajectories(results, path / "trajectory.png")
-    if job.mode == RunMode.MULTIRUN:
-        print(f"{job.job.num}: {cell.names.controller} in {cell.names.world}: done", file=sys.stderr)
-        return
+    results = run_cells([cell], path, config.workers)
+    save_trajectories([results], path / "trajectory.png")
+    if job.mode != RunMode.MULTIRUN:
+        return Ran(results, None)
+    print(f"{job.job.num}: {cell.names.controller} in {cell.names.world}: done", file=sys.stderr)
+    return Ran(results, Path(job.sweep.dir))
+
+
+def _cell_of_a_sweep() -> str:
+    """Return which cell of a sweep runs, as the beginning of a message; empty outside a sweep."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
+    job = HydraConfig.get()
+    return f"cell {job.job.num}: " if job.mode == RunMode.MULTIRUN else ""
+
+
+def _print_tables(ran: "Sequence[Ran]") -> None:
+    """Print the table of a run, or write and print the joined table of a sweep."""
+    from navbench.sweeps import join
     from navbench.tables import failures, summarize, to_text
 
-    episodes = results.episodes()
+    last = ran[-1]
+    if last.sweep is not None:
+        join([cell.results for cell in ran], last.sweep)
+        return
+    episodes = last.results.episodes()
     print(to_text(summarize(episodes)))
     for line in failures(episodes):
         print(line)
-    print(f"results: {path}")
+    print(f"results: {last.results.path}")
 
 
 def _complain(message: str) -> int:
-    print(f"navbench: {message}", file=sys.stderr)
+    print(f"navbench: {' '.join(message.split())}", file=sys.stderr)
     return 2
+
+
+def _interrupted() -> int:
+    _complain("interrupted; what was finished is kept")
+    return 130

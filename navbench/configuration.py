@@ -1,29 +1,33 @@
 """From a composed configuration to a cell: plain values, checked, and the controller ready to be made."""
 
-import inspect
 import os
-import typing
-from collections.abc import Callable, Mapping
-from functools import partial
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_module
-from hydra.errors import HydraException
-from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
-from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from navbench import schema
+from navbench.building import controller_maker
+from navbench.catalogue import GROUPS, check_folder
 from navbench.cells import Cell
-from navbench.contract import Controller
 from navbench.description import DescriptionError, describe
 from navbench.episode import Jitter, check_fits
 from navbench.record import Names
 from navbench.robot import Robot
 from navbench.sensors import Sensors
-from navbench.similarity import Native
+from navbench.similarity import Native, Similarity, period_s
 from navbench.simulation import SimulatorOptions
+from navbench.simulator import SUBSTEP_RADII
 from navbench.world import World
+
+EPISODES_MAX = 10**6
+SEED_MAX = 2**63 - 1  # what a column of whole numbers holds
+STEPS_MAX = 10**6  # of an episode: more are a slip in a unit, and would fill the memory
 
 
 def compose_cell(*overrides: str, config_dir: str | None = None) -> Cell:
@@ -37,14 +41,23 @@ def compose_cell(*overrides: str, config_dir: str | None = None) -> Cell:
         hydra.errors.HydraException: an unknown choice or key.
         DescriptionError: a wrong value; and as ``cell_of``.
     """
+    return cell_of(*compose_run(*overrides, config_dir=config_dir))
+
+
+def compose_run(*overrides: str, config_dir: str | None = None) -> tuple[DictConfig, Mapping[str, Any]]:
+    """Return the composed configuration of a run, and which file was chosen in each group; see ``compose_cell``."""
     schema.register()
-    search = [] if config_dir is None else [f"hydra.searchpath=[file://{os.path.abspath(config_dir)}]"]
+    check_words(overrides)
+    search = []
+    if config_dir is not None:
+        check_folder(Path(config_dir))
+        search = [f"hydra.searchpath=[file://{os.path.abspath(config_dir)}]"]
     with initialize_config_module("navbench.conf", version_base="1.3"):
         config = compose("run", [*search, *overrides], return_hydra_config=True)
     choices = dict(config.hydra.runtime.choices)
     with open_dict(config):
         del config["hydra"]
-    return cell_of(config, choices)
+    return config, choices
 
 
 def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
@@ -59,22 +72,22 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
         omegaconf.errors.OmegaConfBaseException: a value is missing or an interpolation does not resolve.
     """
     values: dict[str, Any] = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[assignment]
+    _check_run(values, OmegaConf.get_type(config))
     names = Names(*(str(choices[name]) for name in Names._fields))
-    sources = {name: _take(values[name], "sources") for name in Names._fields}
+    sources = {name: _take(_mapping(values[name], name), "sources") for name in Names._fields}
     native = _native(values["controller"])
-    _check_keys(values["controller"], "controller", ("build", "native"))
+    _take(values["controller"], "tunable")  # bounds for a tuning, which reads them for itself
+    _check_keys(values["controller"], "controller", ("build", "native", "sources"))
+    _check_keys(values["world"], "world", [item.name for item in fields(World) if item.name != "name"])
     world = describe(World, {**values["world"], "name": names.world}, "world")
     robot = describe(Robot, values["robot"], "robot")
     sensors = describe(Sensors, values["sensors"], "sensors")
     options = describe(SimulatorOptions, values["simulator"], "simulator")
-    make_controller = _controller_maker(values["controller"].get("build"), sensors, names)
+    make_controller = controller_maker(values["controller"].get("build"), sensors, names)
     check_fits(world, robot)
-    for key in ("episodes", "workers"):
-        if values[key] is not None and values[key] < 1:
-            raise DescriptionError(f"{key}={values[key]}: must be at least 1")
-    for key in ("seed", "start_jitter_m", "start_heading_jitter_rad"):
-        if not 0 <= values[key] < float("inf"):
-            raise DescriptionError(f"{key}={values[key]}: must be finite and at least 0")
+    _check_steps(world, robot, native)
+    if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
     values["simulator"].pop("gui")  # a window changes nothing that is measured
     kept = (*Names._fields, "start_jitter_m", "start_heading_jitter_rad")
     return Cell(
@@ -93,15 +106,63 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
     )
 
 
+def check_words(words: Iterable[str]) -> None:
+    """Check the words that choose a file: Hydra takes a null, a number or a list for a slip in the program.
+
+    Raises:
+        DescriptionError: a word chooses no name.
+    """
+    for word in words:
+        group = re.fullmatch(rf"({'|'.join(GROUPS)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
+        if group:
+            raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
+
+
+def _check_run(values: Mapping[str, Any], kind: Any) -> None:
+    """Check the keys beside the groups."""
+    keys = [item.name for item in fields(kind)] if is_dataclass(kind) else list(values)
+    _check_keys(values, "", keys)
+    for key in keys:
+        if key not in values:
+            raise DescriptionError(f"{key}: missing; a value is needed")
+    most = {"episodes": (1, EPISODES_MAX), "workers": (1, float("inf")), "seed": (0, SEED_MAX)}
+    for key, (low, high) in most.items():
+        if values[key] is not None and not low <= values[key] <= high:
+            allowed = f"at least {low}" if high == float("inf") else f"from {low} to {high}"
+            raise DescriptionError(f"{key}={values[key]}: must be {allowed}")
+    for key in ("start_jitter_m", "start_heading_jitter_rad"):
+        if not 0 <= values[key] < float("inf"):
+            raise DescriptionError(f"{key}={values[key]}: must be finite and at least 0")
+
+
+def _check_steps(world: World, robot: Robot, native: Native | None) -> None:
+    """Check that an episode ends within a number of periods and substeps that a machine can bear."""
+    fastest = max(robot.wheel_speed_max_mps, *(speed for mover in world.movers for speed in mover.speeds_mps), 0.0)
+    period = period_s(native, Similarity.between(robot, native))
+    step_s = min(period, SUBSTEP_RADII * robot.radius_m / fastest)
+    if not world.time_limit_s <= STEPS_MAX * step_s:
+        raise DescriptionError(
+            f"world.time_limit_s={world.time_limit_s}: must be at most {STEPS_MAX} steps of {step_s:.3g} s here: "
+            f"control period {period:.3g} s, speeds to {fastest:.3g} m/s, radius {robot.radius_m:.3g} m"
+        )
+
+
+def _mapping(values: Any, key: str) -> dict[str, Any]:
+    if not isinstance(values, dict):
+        raise DescriptionError(f"{key}={values!r}: must be a mapping")
+    return values
+
+
 def _take(values: dict[str, Any], key: str) -> Any:
     """Return a key's value and remove it."""
     return values.pop(key, {})
 
 
-def _check_keys(values: Mapping[str, Any], key: str, allowed: tuple[str, ...]) -> None:
+def _check_keys(values: Mapping[str, Any], key: str, allowed: Iterable[str]) -> None:
     for name in values:
         if name not in allowed:
-            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}, sources")
+            place = f"{key}.{name}" if key else name
+            raise DescriptionError(f"{place}: unknown key; allowed here: {', '.join(allowed)}")
 
 
 def _native(controller: dict[str, Any]) -> Native | None:
@@ -109,77 +170,13 @@ def _native(controller: dict[str, Any]) -> Native | None:
     values = controller.get("native")
     if values is None:
         return None
-    _check_keys(values, "controller.native", ("robot", "period_s"))
+    _check_keys(_mapping(values, "controller.native"), "controller.native", ("robot", "period_s"))
     for name in ("robot", "period_s"):
         if name not in values:
             raise DescriptionError(f"controller.native.{name}: missing; native needs a robot and a period_s")
-    _take(values["robot"], "sources")
+    _take(_mapping(values["robot"], "controller.native.robot"), "sources")
     robot = describe(Robot, values["robot"], "controller.native.robot")
     period = values["period_s"]
     if isinstance(period, bool) or not isinstance(period, int | float) or not 0.0 < period < float("inf"):
         raise DescriptionError(f"controller.native.period_s={period!r}: must be a finite number above 0")
     return Native(robot, float(period))
-
-
-def _controller_maker(build: Any, sensors: Sensors, names: Names) -> Callable[[], Controller]:
-    """Return what makes a controller, after making one to see that its parameters and its sensors fit."""
-    if not isinstance(build, dict) or "_target_" not in build:
-        raise DescriptionError("controller.build._target_: missing; it names the controller's class, as module.Class")
-    parameters = {name: value for name, value in build.items() if not name.startswith("_")}
-    target = _located(build["_target_"])
-    _check_parameters(target, parameters)
-    try:
-        controller = instantiate(build, _convert_="all")
-    except Exception as error:  # whatever a constructor says of its parameters
-        raise DescriptionError(f"controller.build: {error.__cause__ or error}") from None
-    if not isinstance(controller, Controller):
-        raise DescriptionError(f"controller.build._target_={build['_target_']}: must have reset(setup, rng) and act()")
-    needed = getattr(controller, "sensor_roles", None)
-    offered = tuple(mount.role for mount in sensors.mounts)
-    if needed is not None and tuple(needed) != offered:
-        raise DescriptionError(
-            f"sensors={names.sensors}: {names.controller} needs {len(needed)} range sensors, {', '.join(needed)}; "
-            f"this suite has {len(offered)}: {', '.join(offered)}"
-        )
-    return partial(target, **parameters)  # made for each episode anew: Hydra's own partial costs 0.1 ms a call
-
-
-def _located(target: str) -> Callable[..., Any]:
-    try:
-        found: Callable[..., Any] = get_object(target)
-    except (HydraException, ImportError, AttributeError, ValueError) as error:
-        cause = error.__cause__ or error
-        raise DescriptionError(
-            f"controller.build._target_={target}: cannot be imported ({type(cause).__name__}: {cause})"
-        ) from None
-    return found
-
-
-def _check_parameters(target: Callable[..., Any], parameters: Mapping[str, Any]) -> None:
-    """Check names and types against the target's own signature, so that no word passes where a number belongs."""
-    signature = inspect.signature(target)
-    free = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
-    for name in parameters:
-        if name not in signature.parameters and not free:
-            allowed = ", ".join(signature.parameters) or "none"
-            raise DescriptionError(f"controller.build.{name}: unknown key; allowed here: {allowed}")
-    for name, parameter in signature.parameters.items():
-        required = parameter.default is parameter.empty and parameter.kind not in (
-            parameter.VAR_KEYWORD,
-            parameter.VAR_POSITIONAL,
-        )
-        if required and name not in parameters:
-            raise DescriptionError(f"controller.build.{name}: missing; a value is needed")
-    hints = typing.get_type_hints(target.__init__ if inspect.isclass(target) else target)
-    for name, value in parameters.items():
-        if name not in hints:
-            continue
-        try:
-            TypeAdapter(hints[name]).validate_python(value, strict=True)
-        except PydanticUserError:
-            continue  # a type that only the controller itself can check
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
-            allowed = first["msg"].replace("Input should be", "must be")
-            raise DescriptionError(f"controller.build.{name}{path}={first['input']!r}: {allowed}") from None

@@ -1,9 +1,11 @@
 """One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
 
 import math
+import struct
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -42,18 +44,38 @@ class _Pilot:
     controller: Controller
     perception: Perception
     states: list[tuple[float, ...]] = field(default_factory=list)
-    traces: list[tuple[float, ...]] = field(default_factory=list)
-    trace_names: tuple[str, ...] = ()
+    traces: list[bytes] = field(default_factory=list)
+    trace_names: tuple[str, ...] | None = None
     latencies_s: list[float] = field(default_factory=list)
     outcome: Outcome = "timed_out"
     reason: str = ""
     end_s: float = 0.0
+    _in_order: Callable[[Mapping[str, float]], tuple[float, ...]] = field(default=lambda _: ())
+    _packed: Callable[..., bytes] = bytes
+
+    def keep_trace(self, trace: Mapping[str, float]) -> None:
+        """Keep one act's trace, packed: it is checked by packing and takes little room.
+
+        Raises:
+            ValueError: its names are not those of the first act.
+            struct.error: a value is no number.
+        """
+        if self.trace_names is None:
+            self.trace_names = names = tuple(trace)
+            self._packed = struct.Struct(f"{len(names)}d").pack
+            self._in_order = itemgetter(*names) if len(names) > 1 else lambda one: tuple(one[name] for name in names)
+        if len(trace) != len(self.trace_names) or any(name not in trace for name in self.trace_names):
+            raise ValueError(
+                f"the trace must have the same names at every step: {', '.join(self.trace_names) or 'none'}"
+            )
+        self.traces.append(self._packed(*self._in_order(trace)))
 
 
 class EpisodeRunner:
     """Runs episodes of one combination of world, robot, sensors, simulator and controller, one after another.
 
     Episodes do not depend on what ran before them. Use it in a ``with`` block: it holds a simulator.
+    ``make_controller`` and ``seed`` may be set anew between two episodes, as a tuning does.
 
     Args:
         make_controller: makes one controller object, for one robot.
@@ -81,8 +103,8 @@ class EpisodeRunner:
         jitter: Jitter,
     ) -> None:
         check_fits(world, robot)
-        self._make_controller, self._native, self._world, self._robot = make_controller, native, world, robot
-        self._seed, self._jitter = seed, jitter
+        self._native, self._world, self._robot, self._jitter = native, world, robot, jitter
+        self.make_controller, self.seed = make_controller, seed
         self._boxes, self._discs = world.box_rows(), world.disc_rows()
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
@@ -126,7 +148,7 @@ class EpisodeRunner:
         world = self._world
         poses: list[Pose] = []
         for i, start in enumerate(world.starts):
-            rng = stream(self._seed, world.name, episode, "start", i)
+            rng = stream(self.seed, world.name, episode, "start", i)
             for _ in range(START_DRAWS_MAX):
                 dx, dy, turn = rng.uniform(-1.0, 1.0, 3).tolist()
                 pose = Pose(
@@ -144,11 +166,11 @@ class EpisodeRunner:
     def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
         world = self._world
         goal = (world.goals[index].x_m, world.goals[index].y_m)
-        name = (self._seed, world.name, episode, index)
+        name = (self.seed, world.name, episode, index)
         perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
-        rng = stream(self._seed, world.name, episode, "controller", index)
+        rng = stream(self.seed, world.name, episode, "controller", index)
         try:
-            controller = self._make_controller()
+            controller = self.make_controller()
             controller.reset(self._setup, rng)
         except Exception as error:  # a user's code may raise anything; it costs this robot, not the study
             return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
@@ -198,39 +220,28 @@ class EpisodeRunner:
             v, w = command
             if not (math.isfinite(v) and math.isfinite(w)):
                 raise ValueError(f"the command must be finite, got v_mps={v}, w_radps={w}")
-            trace = trace_of(pilot.controller)
-            if trace:
-                self._keep_trace(pilot, trace)
+            pilot.keep_trace(trace_of(pilot.controller))
+            if not self._similarity.identity:
+                v, w = self._similarity.to_world(Command(v, w))
+            simulator.command(index, v, w)
         except Exception as error:  # a user's code may raise anything; it costs this robot, not the study
             pilot.outcome, pilot.reason = "controller_error", _reason(error)
             simulator.stop(index)
-            return
-        if self._similarity.identity:
-            simulator.command(index, v, w)
-        else:
-            simulator.command(index, *self._similarity.to_world(Command(v, w)))
-
-    @staticmethod
-    def _keep_trace(pilot: _Pilot, trace: Mapping[str, float]) -> None:
-        if not pilot.traces:
-            pilot.trace_names = tuple(trace)
-        elif len(trace) != len(pilot.trace_names):
-            raise ValueError("the trace must have the same names at every step")
-        pilot.traces.append(tuple(trace.values()))
 
     def _record(self, index: int, pilot: _Pilot, row: tuple[float, ...]) -> RobotRecord:
         last = pilot.states[-1] if pilot.states else (0.0,) * 6
         states = np.array([*pilot.states, (pilot.end_s, *row[:3], *last[4:])])
-        traces = np.full((len(states), len(pilot.trace_names)), np.nan)
-        if pilot.traces:
-            traces[: len(pilot.traces)] = np.array(pilot.traces, dtype=np.float64)
+        names = pilot.trace_names or ()
+        traces = np.full((len(states), len(names)), np.nan)
+        if names:
+            traces[: len(pilot.traces)] = np.frombuffer(b"".join(pilot.traces)).reshape(-1, len(names))
         if pilot.outcome == "controller_error":
             states = states[:-1] if pilot.states else states
             traces = traces[: len(states)]
         durations = np.diff(states[:, 0])
         n = len(durations)
-        if "heading_error_rad" in pilot.trace_names:
-            errors = traces[:n, pilot.trace_names.index("heading_error_rad")]
+        if "heading_error_rad" in names:
+            errors = traces[:n, names.index("heading_error_rad")]
         else:
             goal = self._world.goals[index]
             errors = bearing_errors(states[:n, 1:4], goal.x_m, goal.y_m)
@@ -245,7 +256,7 @@ class EpisodeRunner:
             w_sign_changes=sign_changes(states[:n, 5]),
         )
         latencies = np.array(pilot.latencies_s)
-        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, pilot.trace_names, latencies)
+        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, names, latencies)
 
 
 def check_fits(world: World, robot: Robot) -> None:

@@ -1,8 +1,10 @@
-"""Figures of stored results: trajectories over their world."""
+"""Figures of stored results: trajectories over their world; and how a figure is saved."""
 
-from collections.abc import Sequence
+import io
+import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,11 +16,61 @@ from navbench.world import World
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 OBSTACLE, MOVER, WALL = "#8d99ae", "#e9a03b", "#5c677d"
 COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
+PALETTE = (  # of Okabe and Ito, told apart by the colour-blind too; the first four near aouf2019's red, yellow, blue, green
+    "#d55e00",
+    "#e69f00",
+    "#0072b2",
+    "#009e73",
+    "#56b4e9",
+    "#cc79a7",
+    "#444444",
+)
+DASH = 5.0  # in line widths; labels whose lines coincide take turns in showing
+
+
+class Style(NamedTuple):
+    """How the lines of one label are drawn in every figure of a report."""
+
+    color: str
+    dashes: tuple[float, tuple[float, ...]]
+    marker: str
+
+
+def styles(labels: Iterable[str]) -> dict[str, Style]:
+    """Return a style for each label, in their order: the first is drawn through, the others in shifted dashes."""
+    found: dict[str, Style] = {}
+    for i, label in enumerate(dict.fromkeys(labels)):
+        dashes = (0.0, ()) if i == 0 else (DASH * ((i - 1) % 3), (DASH, 2.0 * DASH))
+        found[label] = Style(PALETTE[i % len(PALETTE)], dashes, "osD^vP*"[(i + i // len(PALETTE)) % 7])
+    return found
+
+
+def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
+    """Save a figure below ``figures/`` as PNG and SVG, the same bytes for the same figure, and return it in Markdown.
+
+    Args:
+        figure: the figure.
+        out: the report's directory.
+        stem: the files' name without its ending.
+        caption: what it shows.
+    """
+    import matplotlib
+
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none", "path.simplify_threshold": 0.3}):
+        for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
+            content = io.BytesIO()
+            figure.savefig(content, format=form, dpi=110, bbox_inches="tight", metadata=metadata)
+            temporary = out / "figures" / f".{stem}.{form}.{os.getpid()}.tmp"
+            temporary.write_bytes(content.getvalue())
+            os.replace(temporary, out / "figures" / f"{stem}.{form}")
+    return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
 
 
 def save_trajectories(runs: Sequence[Results], file: Path) -> None:

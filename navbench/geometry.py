@@ -14,7 +14,8 @@ def wrap_angle(angle_rad: float) -> float:
     """Return the angle in (-pi, pi] [rad]."""
     if -math.pi < angle_rad <= math.pi:
         return angle_rad
-    return math.pi - (math.pi - angle_rad) % (2.0 * math.pi)
+    wrapped: float = math.pi - (math.pi - angle_rad) % (2.0 * math.pi)
+    return wrapped if wrapped > -math.pi else math.pi  # the remainder of a hair is rounded up to a whole turn
 
 
 @numba.njit(cache=True)

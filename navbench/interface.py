@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navbench.configuration import compose_cell
+from navbench.configuration import cell_of, compose_run
+from navbench.description import DescriptionError
+from navbench.errors import one_line
 from navbench.running import run_cells
 
 if TYPE_CHECKING:
@@ -14,8 +16,12 @@ if TYPE_CHECKING:
 
 def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: str | None) -> "pd.DataFrame":
     """Run one cell and return its table of episodes; see ``navbench.run``."""
-    cell = compose_cell(*overrides, config_dir=config_dir)
+    try:
+        config, choices = compose_run(*overrides, config_dir=config_dir)
+        cell, workers = cell_of(config, choices), config.workers
+    except Exception as error:  # Hydra composes with errors of many kinds
+        raise DescriptionError(one_line(error)) from error
     if path is not None:
-        return run_cells([cell], Path(path)).episodes()
+        return run_cells([cell], Path(path), workers).episodes()
     with tempfile.TemporaryDirectory() as folder:
-        return run_cells([cell], Path(folder)).episodes()
+        return run_cells([cell], Path(folder), workers).episodes()

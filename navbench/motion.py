@@ -60,7 +60,8 @@ def move(
     """Move every running robot through one substep, in place.
 
     Returns:
-        The least clearance of any running robot [m], and how many came to their goals.
+        The least clearance of any running robot [m], and how many came to their goals. Clearances are those at the
+        substep's end; ``count_clearance`` counts them, once it is known where every robot stands.
 
     Args:
         robots: (n,) of ``ROBOT``.
@@ -107,7 +108,7 @@ def move(
 
 @numba.njit(cache=True)
 def measure_clearance(robots: RobotArray, boxes: FloatArray, discs: FloatArray, radius_m: float) -> float:
-    """Write every running robot's clearance, now and least so far, and return the least of all now [m]."""
+    """Write every running robot's present clearance, and return the least of all [m]."""
     least = math.inf
     for i in range(robots.shape[0]):
         robot = robots[i]
@@ -118,9 +119,16 @@ def measure_clearance(robots: RobotArray, boxes: FloatArray, discs: FloatArray, 
             if j != i:
                 nearest = min(nearest, math.hypot(robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m) - radius_m)
         robot.clearance_m = nearest - radius_m
-        robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
         least = min(least, robot.clearance_m)
     return least
+
+
+@numba.njit(cache=True)
+def count_clearance(robots: RobotArray) -> None:
+    """Count every running robot's present clearance into its least one."""
+    for i in range(robots.shape[0]):
+        if robots[i].running:
+            robots[i].min_clearance_m = min(robots[i].min_clearance_m, robots[i].clearance_m)
 
 
 @numba.njit(cache=True)

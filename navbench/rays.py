@@ -16,18 +16,30 @@ class Rays:
     """A ring's rays in the robot frame, in simulation units, and how hits become readings.
 
     A ray begins where its line enters the hull, so that a thing between the hull and a mount outside it reads 0.
+
+    Attributes:
+        begins: each ray's beginning.
+        ends: each ray's end.
+        nothing: (n_sensors,) what is read where nothing is seen [m].
+        reach_m: what is further from the hull is hit by no ray [m].
+        exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
     """
 
     def __init__(self, sensors: Sensors, radius_m: float, scale: float) -> None:
         self.begins: list[tuple[float, float, float]] = []
         self.ends: list[tuple[float, float, float]] = []
         lengths, offsets, first, points = [], [], [0], []
+        reach, exposed = 0.0, 0.0
         self.nothing = np.array([mount.max_range_m for mount in sensors.complete_mounts()], dtype=np.float64)
         for mount in sensors.complete_mounts():
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
             for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
                 cosine, sine = math.cos(mount.heading_rad + turn), math.sin(mount.heading_rad + turn)
                 back = _back_into_hull(mount.x_m, mount.y_m, cosine, sine, radius_m)
+                away = math.hypot(mount.x_m, mount.y_m)
+                if back == 0.0 and away > radius_m:
+                    exposed = max(exposed, away)
+                reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
                 points.append(begin)
@@ -38,12 +50,12 @@ class Rays:
             first.append(len(lengths))
         self._lengths, self._offsets, self._first = np.array(lengths), np.array(offsets), np.array(first)
         self._points = np.array(points).reshape(-1, 2)
-        far = max((math.hypot(x, y) for x, y, _ in self.ends), default=0.0) / scale
-        self.reach_m = max(far, 0.0) - radius_m
+        self.reach_m = reach - radius_m
+        self.exposed_m = exposed - radius_m
 
     def read(self, fractions: list[float]) -> FloatArray:
         """Return the readings (n_sensors,) [m] for the fraction of each ray that is free."""
-        ranges = np.empty(len(self.nothing))
+        ranges = self.nothing.copy()
         _nearest_of_each(np.array(fractions), self._lengths, self._offsets, self._first, ranges)
         return ranges
 
@@ -71,10 +83,9 @@ def _nearest_of_each(
     fractions: FloatArray, lengths: FloatArray, offsets: FloatArray, first: NDArray[np.int64], ranges: FloatArray
 ) -> None:
     for sensor in range(ranges.shape[0]):
-        nearest = math.inf
         for ray in range(first[sensor], first[sensor + 1]):
-            nearest = min(nearest, fractions[ray] * lengths[ray] - offsets[ray])
-        ranges[sensor] = max(nearest, 0.0)
+            if fractions[ray] < 1.0:
+                ranges[sensor] = min(ranges[sensor], max(fractions[ray] * lengths[ray] - offsets[ray], 0.0))
 
 
 @numba.njit(cache=True)

@@ -67,3 +67,49 @@ class CellKey(NamedTuple):
     run_id: str
     seed: int
     episodes: int
+
+
+class StudyCell(NamedTuple):
+    """A cell's place in a study.
+
+    Attributes:
+        key: the cell.
+        name: what it is there for, such as "printed" or "fair"; the cells of a comparison share it.
+        label: what the report calls its controller.
+        tuning: the name of the tuning that its parameters come from, or empty.
+        tuning_seed: that tuning's seed; -1 without one.
+    """
+
+    key: CellKey
+    name: str
+    label: str
+    tuning: str = ""
+    tuning_seed: int = -1
+
+
+class TuningKey(NamedTuple):
+    """What results know of a tuning.
+
+    Attributes:
+        name: what it is called; a study's tunings of one name differ in their seeds.
+        tuner: the tuner's configuration name.
+        objective: the objective's configuration name.
+        controller: whose parameters it searches.
+        worlds: where it tries them.
+        config_hash: digits over everything that decides an evaluation but seed, budget and index.
+        tuning_id: digits over config_hash, budget and seed.
+        seed: of the tuner and of the evaluations.
+        budget: how many evaluations.
+        configuration: as resolved, of plain values.
+    """
+
+    name: str
+    tuner: str
+    objective: str
+    controller: str
+    worlds: tuple[str, ...]
+    config_hash: str
+    tuning_id: str
+    seed: int
+    budget: int
+    configuration: Mapping[str, Any]

@@ -1,11 +1,14 @@
 """Run cells and keep what they did."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from navbench.cells import Cell, run_batch
+from navbench.cells import EPISODES, Cell
 from navbench.engines import run
-from navbench.store import Results
+from navbench.record import StudyCell
+from navbench.store import Results, batch_name, discard_empty, existing
+
+Progress = Callable[[int, int], None]  # how many batches are done, of how many
 
 
 def run_cells(cells: Sequence[Cell], path: Path, workers: int | None = None) -> Results:
@@ -19,14 +22,46 @@ def run_cells(cells: Sequence[Cell], path: Path, workers: int | None = None) -> 
     Raises:
         DescriptionError: a cell cannot be run, or the directory holds results of other work.
     """
-    keys = [cell.key() for cell in cells]
-    batches = [(key, batch) for key, cell in zip(keys, cells, strict=True) for batch in cell.batches()]
-    results = Results(path)
-    results.begin(keys)
+    results, there = Results(path), existing(path)
+    results.begin([StudyCell(cell.key(), "run", cell.names.controller) for cell in cells])
+    try:
+        run_batches(cells, results, workers, resume=False)
+        results.end()
+    except BaseException:
+        results.abandon()
+        discard_empty(path, there)
+        raise
+    return results
+
+
+def run_batches(
+    cells: Sequence[Cell],
+    results: Results,
+    workers: int | None,
+    *,
+    resume: bool,
+    engine: str = "local",
+    progress: Progress | None = None,
+) -> None:
+    """Run the batches of some cells and write each as it finishes.
+
+    Args:
+        cells: what to run; equal cells run once.
+        results: where to keep it.
+        workers: processes; None for one a core. A run with a window stays in this process.
+        resume: whether to leave out the batches whose parts are there.
+        engine: where to run, see ``engines.run``.
+        progress: told after each batch.
+    """
+    keys = {id(cell): cell.key() for cell in cells}
+    once = {keys[id(cell)].run_id: cell for cell in cells}
+    todo = [batch for cell in once.values() for batch in cell.batches()]
+    if resume:
+        todo = [b for b in todo if not results.has("episodes", batch_name(keys[id(b.cell)], b.episodes))]
     if any(cell.options.gui for cell in cells):
         workers = 1
-    for index, records in run(run_batch, [batch for _, batch in batches], workers):
-        key, batch = batches[index]
-        results.write_batch(key, batch.episodes[0], records)
-    results.end()
-    return results
+    for done, (index, records) in enumerate(run(EPISODES, todo, engine, workers), 1):
+        batch = todo[index]
+        results.write_batch(keys[id(batch.cell)], batch.episodes, records, batch.cell.keep_trajectories)
+        if progress is not None:
+            progress(done, len(todo))

@@ -31,6 +31,17 @@ class Run:
     workers: int | None = omegaconf.MISSING
 
 
+@dataclass
+class Tune(Run):
+    """The keys of a tuning beside those of a run."""
+
+    tuner: Any = omegaconf.MISSING
+    objective: Any = omegaconf.MISSING
+    budget: int = omegaconf.MISSING
+    worlds: list[str] = omegaconf.MISSING
+    name: str | None = omegaconf.MISSING
+
+
 def schema_of(description: Any, *, without: tuple[str, ...] = ()) -> type:
     """Return a mutable dataclass with a description's fields, in the types that OmegaConf knows.
 
@@ -80,6 +91,7 @@ def register() -> None:
     """Put the schemas into Hydra's store, and beside them the resolver ``deg``: degrees to radians."""
     store = ConfigStore.instance()
     store.store(group="schema", name="run", node=Run)
+    store.store(group="schema", name="tune", node=Tune)
     store.store(group="schema", name="robot", node=_with_sources(schema_of(Robot)))
     store.store(group="schema", name="world", node=_with_sources(schema_of(World, without=("name",))))
     store.store(group="schema", name="sensors", node=_with_sources(schema_of(Sensors)))

@@ -9,7 +9,6 @@ import ctypes
 import math
 import os
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
@@ -20,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Pose
-from navbench.motion import NOT_YET, ROBOT, hold, measure_clearance, move, stop_at_arrival
+from navbench.drive import Drive
+from navbench.motion import NOT_YET, ROBOT, count_clearance, hold, measure_clearance, move, stop_at_arrival
 from navbench.rays import Rays
 from navbench.record import Outcome
 from navbench.robot import Robot
@@ -50,6 +50,7 @@ FloatArray = NDArray[np.float64]
 
 SUBSTEP_RADII = 0.25  # no body moves further than this in a substep, so none jumps through another
 CONTACT_MARGIN_RADII = 0.05  # PyBullet is asked for contacts only where the analytic clearance is below this
+HAIR_RADII = 1e-6  # rounding
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
 
 
@@ -80,10 +81,7 @@ class Simulator:
         self, world: World, robot: Robot, sensors: Sensors, options: SimulatorOptions, accel_max_mps2: float | None
     ) -> None:
         self.world, self.robot, self.options = world, robot, options
-        self._accel_max = math.inf if accel_max_mps2 is None else accel_max_mps2
-        self._lag_s, self._delay_s = (
-            (options.motor_lag_s, options.command_delay_s) if options.drive == "limited" else (0.0, 0.0)
-        )
+        self._accel_max_mps2 = accel_max_mps2
         self._scale = 2.0 ** math.ceil(math.log2(4.0 / robot.radius_m))
         line = world.finish_line
         self._finish_line = np.array([] if line is None else [line.x1_m, line.y1_m, line.x2_m, line.y2_m])
@@ -141,17 +139,16 @@ class Simulator:
             self.robots[["x_m", "y_m", "heading_rad", "goal_x_m", "goal_y_m", "min_clearance_m", "running"]][i] = (
                 *start, goal.x_m, goal.y_m, math.inf, 1,
             )  # fmt: skip
-        self._fastest = 0.0
-        self._issued = np.zeros((len(starts), 2))  # each wheel's latest command [m/s]
-        self._in_force = self._issued if self._delay_s == 0.0 else self._issued.copy()
-        self._in_flight: deque[tuple[float, FloatArray]] = deque()
+        self._drive = Drive(self.robot, self.options, self._accel_max_mps2, len(starts))
         self.touching = [False] * len(starts)
         self.contacts = [0] * len(starts)
+        self._held_m: list[float | None] = [None] * len(starts)  # clearance where a robot was held
         self._blocked = False
         self._running = len(starts)
         self._poses = np.empty((len(starts), 4))
         self._posed = False
         measure_clearance(self.robots, self._boxes, self._discs, self.robot.radius_m)
+        count_clearance(self.robots)
 
     def rows(self) -> list[tuple[float, ...]]:
         """Return what is known of each robot now, as plain tuples in the order of ``ROBOT``."""
@@ -187,22 +184,14 @@ class Simulator:
             rays.begins, rays.ends, parentObjectUniqueId=self._robot_bodies[index], physicsClientId=self._client
         )
         ranges = rays.read([hit[2] for hit in hits])
-        if self.touching[index]:
+        if self.touching[index] or clearance_m <= rays.exposed_m:
             row = self.robots[index]
             rays.bury(ranges, row["x_m"], row["y_m"], row["heading_rad"], self._boxes, self.tracked_discs(index))
         return ranges
 
     def command(self, index: int, v_mps: float, w_radps: float) -> None:
-        """Set one robot's command; each wheel is clipped at its limit, separately."""
-        limit = self.robot.wheel_speed_max_mps
-        turn = 0.5 * w_radps * self.robot.track_m
-        left = min(max(v_mps - turn, -limit), limit)
-        right = min(max(v_mps + turn, -limit), limit)
-        speed = 0.5 * abs(left + right)
-        if speed > self._fastest:
-            self._fastest = speed
-        self._issued[index, 0] = left
-        self._issued[index, 1] = right
+        """Set one robot's command for the coming period, see ``Drive.command``."""
+        self._drive.command(index, v_mps, w_radps)
 
     def advance(self, t_s: float, dt_s: float) -> list[Event]:
         """Move everything through one control period and return the ends that came in it.
@@ -213,8 +202,8 @@ class Simulator:
         """
         events: list[Event] = []
         new_period = True
-        for begin_s, duration_s in self._segments(t_s, dt_s):
-            fastest = max(self._fastest, self._mover_speed)
+        for begin_s, duration_s in self._drive.segments(t_s, dt_s):
+            fastest = max(self._drive.fastest_mps, self._mover_speed)
             substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * self.robot.radius_m) - 1e-9))
             h = duration_s / substeps
             for k in range(substeps):
@@ -222,26 +211,9 @@ class Simulator:
                 new_period = False
                 if not self._running:
                     return events
-        if self._accel_max == math.inf and self._lag_s == 0.0 and self._delay_s == 0.0:
-            self._fastest = 0.0  # every command is new each period, and no wheel remembers an old one
         if self.options.gui:
             self._show(dt_s)
         return events
-
-    def _segments(self, t_s: float, dt_s: float) -> Iterator[tuple[float, float]]:
-        """Cut a period where a delayed command reaches the wheels, and put it in force there."""
-        if self._delay_s == 0.0:
-            yield t_s, dt_s
-            return
-        self._in_flight.append((t_s + self._delay_s, self._issued.copy()))
-        begin = t_s
-        while self._in_flight and self._in_flight[0][0] < t_s + dt_s - 1e-12:
-            arrives, targets = self._in_flight.popleft()
-            if arrives > begin:
-                yield begin, arrives - begin
-                begin = arrives
-            self._in_force[:] = targets
-        yield begin, t_s + dt_s - begin
 
     def _substep(self, t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
         if self._mover_speed:
@@ -249,33 +221,53 @@ class Simulator:
         track = self.robot.track_m
         least, arrived = move(
             self.robots,
-            self._in_force,
+            self._drive.in_force,
             self._boxes,
             self._discs,
             self._finish_line,
             h,
             self.robot.radius_m,
             track,
-            self._accel_max,
-            self._lag_s,
+            self._drive.accel_max_mps2,
+            self._drive.lag_s,
             self.world.goal_tolerance_m,
             new_period,
         )
         self._posed = False
-        hit: dict[int, str] = {}
-        if least <= CONTACT_MARGIN_RADII * self.robot.radius_m:
-            hit = self._contacts()
-        if hit and self.options.on_collision == "end":
+        near = least <= CONTACT_MARGIN_RADII * self.robot.radius_m
+        if near or arrived or self._blocked:
+            self._settle(t_s, h, self._contacts() if near else {}, events)
+        else:
+            count_clearance(self.robots)
+
+    def _settle(self, t_s: float, h: float, hit: dict[int, str], events: list[Event]) -> None:
+        """Put back who is blocked or has arrived, count clearances there, and end who has an outcome."""
+        blocks = self.options.on_collision == "block"
+        if blocks:
+            fresh = hit
+            while fresh:  # one that is held may now stand in another's way
+                for i in fresh:
+                    hold(self.robots, i, h, self.robot.track_m)
+                found = self._contacts()
+                fresh = {i: reason for i, reason in found.items() if i not in hit}
+                hit = {**found, **hit}
+        arrivals = {
+            i: arrival_s
+            for i, arrival_s in enumerate(self.robots["arrival_s"].tolist())
+            if arrival_s != NOT_YET and i not in hit and self.robots[i]["running"]
+        }
+        for i in arrivals:
+            stop_at_arrival(self.robots, i, h, self.robot.track_m)
+        self._posed = False
+        measure_clearance(self.robots, self._boxes, self._discs, self.robot.radius_m)
+        count_clearance(self.robots)
+        if blocks:
+            self._count_contacts(hit)
+        else:
             for i, reason in hit.items():
                 self._end(Event(i, "collided", reason, t_s + h), events)
-        elif hit or self._blocked:
-            self._block(hit, h)
-        if arrived:
-            for i, arrival_s in enumerate(self.robots["arrival_s"].tolist()):
-                if arrival_s != NOT_YET and self.robots[i]["running"] and i not in hit:
-                    stop_at_arrival(self.robots, i, h, track)
-                    self._posed = False
-                    self._end(Event(i, "reached", "", t_s + arrival_s), events)
+        for i, arrival_s in arrivals.items():
+            self._end(Event(i, "reached", "", t_s + arrival_s), events)
 
     def _contacts(self) -> dict[int, str]:
         """Return what each running robot touches now, by robot index."""
@@ -292,15 +284,17 @@ class Simulator:
                     hit[i] = min(hit.get(i, reason), reason)
         return dict(sorted(hit.items()))
 
-    def _block(self, hit: dict[int, str], h: float) -> None:
-        """Hold the robots that touch at their last free poses, and count each contact once."""
-        for i in range(len(self.touching)):
+    def _count_contacts(self, hit: dict[int, str]) -> None:
+        """Count each contact once: it lasts until the robot is further from things than where it was held."""
+        for i, clearance_m in enumerate(self.robots["clearance_m"].tolist()):
+            held_m = self._held_m[i]
             if i in hit:
-                hold(self.robots, i, h, self.robot.track_m)
-                self._posed = False
-                self.contacts[i] += not self.touching[i]
+                self.contacts[i] += held_m is None
+                self._held_m[i] = clearance_m if held_m is None else max(held_m, clearance_m)
+            elif held_m is not None and clearance_m > held_m + HAIR_RADII * self.robot.radius_m:
+                self._held_m[i] = None
             self.touching[i] = i in hit
-        self._blocked = bool(hit)
+        self._blocked = any(held_m is not None for held_m in self._held_m)
 
     def _end(self, event: Event, events: list[Event]) -> None:
         self.stop(event.robot_index)

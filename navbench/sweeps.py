@@ -1,31 +1,94 @@
-"""The end of a sweep: one joined table of its cells, printed and written."""
+"""A sweep's joined table; and the directories that a run or a sweep must not leave behind."""
 
+import os
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra.experimental.callback import Callback
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
-from navbench.store import Results, write_table
+from navbench.figures import save_trajectories
+from navbench.store import Results, discard_empty, existing, write_table
 from navbench.tables import failures, summarize, to_markdown, to_text
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-class JoinedTable(Callback):
-    """Joins the results directories of a sweep when its last cell has ended."""
+PANELS_MAX = 30  # a picture of more cells cannot be read
 
-    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
-        """Print the joined table and write it beside the cells, as CSV and Markdown."""
-        import pandas as pd
 
-        path = Path(config.hydra.sweep.dir)
-        runs = [Results(manifest.parent) for manifest in sorted(path.glob("*/manifest.json"))]
-        if not runs:
-            return
-        episodes = pd.concat([run.episodes() for run in runs], ignore_index=True)
-        summary = summarize(episodes)
-        write_table(path / "table.csv", summary.to_csv(index=False))
-        write_table(path / "table.md", to_markdown(summary))
-        print(to_text(summary))
-        for line in failures(episodes):
-            print(line)
-        print(f"results: {path}")
+def join(runs: Sequence[Results], path: Path) -> None:
+    """Print the joined table of a sweep's cells and write it beside them, as CSV, Markdown and a picture.
+
+    Args:
+        runs: the cells' results.
+        path: the sweep's directory.
+    """
+    import pandas as pd
+
+    episodes = pd.concat([run.episodes() for run in runs], ignore_index=True)
+    episodes = episodes.drop_duplicates(["run_id", "episode", "robot_index"], ignore_index=True)  # of equal cells
+    summary = _told_apart(summarize(episodes), [cell for run in runs for cell in run.manifest()["cells"]])
+    write_table(path / "table.csv", summary.to_csv(index=False))
+    write_table(path / "table.md", to_markdown(summary))
+    if len(runs) <= PANELS_MAX:
+        save_trajectories(runs, path / "trajectories.png")
+    print(to_text(summary))
+    for line in failures(episodes):
+        print(line)
+    print(f"results: {path}")
+
+
+def _told_apart(summary: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
+    """Return the table with a column for each key of the configuration in which cells of the same names differ."""
+    values = {cell["run_id"]: dict(_leaves(cell["configuration"])) for cell in cells}
+    keys: dict[str, None] = {}
+    for _, group in summary.groupby(["controller", "world", "robot", "sensors", "simulator"]):
+        alike = [values[run_id] for run_id in group["run_id"]]
+        every = dict.fromkeys(key for leaves in alike for key in leaves)
+        keys |= dict.fromkeys(key for key in every if len({leaves.get(key) for leaves in alike}) > 1)
+    for place, key in enumerate(keys):
+        summary.insert(5 + place, key, [values[run_id].get(key, "") for run_id in summary["run_id"]])
+    return summary
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield a configuration's dotted keys with their values as words."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, str(value)
+
+
+class Tidy(Callback):
+    """Removes the directories that Hydra made for a run or a sweep and that hold no results, when it is over."""
+
+    def on_run_start(self, config: DictConfig, **_: Any) -> None:
+        """Remember what was there before."""
+        self._remember(config, "run")
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        """Remember what was there before, and the sweep's own directory."""
+        self._remember(config, "sweep")
+        self._folders.append(Path(config.hydra.sweep.dir).absolute())
+
+    def on_job_start(self, config: DictConfig, **_: Any) -> None:
+        """Remember the directory of a cell."""
+        self._folders.insert(0, Path(config.hydra.runtime.output_dir))
+
+    def _remember(self, config: DictConfig, kind: str) -> None:
+        self._folders: list[Path] = []
+        written = OmegaConf.to_container(config.hydra[kind], resolve=False)["dir"]  # type: ignore[index, call-overload]
+        there = existing(Path(str(written).split("${")[0]))
+        weakref.finalize(self, _discard, self._folders, there)  # Hydra tells its callbacks of no failure
+
+
+def _discard(folders: Sequence[Path], there: Path) -> None:
+    """Remove the directories that hold nothing but what Hydra writes, and those above them."""
+    for folder in folders:
+        if folder.is_dir() and folder != there and os.listdir(folder) == ["multirun.yaml"]:
+            (folder / "multirun.yaml").unlink()
+        discard_empty(folder, there)

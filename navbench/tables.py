@@ -18,6 +18,7 @@ MEANS = (
 )
 FAILURES = ("collided", "timed_out", "controller_error")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
+WHERE_MANY = ("sensors", "simulator", "seed")  # printed where a table's cells differ in them
 
 
 def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
@@ -48,8 +49,14 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 
 
 def to_text(summary: "pd.DataFrame") -> str:
-    """Return the table for a terminal: the columns that a reader asks for first; means are over the reached."""
-    return _table(summary, PRINTED, "simple")
+    """Return the table for a terminal: the columns that a reader asks for first; means are over the reached.
+
+    Sensors, simulator and seed are printed where they differ, and so is every column that is not ``summarize``'s own.
+    """
+    usual = {*KEYS, "reached", "collisions", *MEANS, *FAILURES, "run_id"}
+    more = [name for name in summary.columns if name not in usual]
+    more += [name for name in WHERE_MANY if summary[name].nunique() > 1]
+    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:]), "simple")
 
 
 def to_markdown(summary: "pd.DataFrame") -> str:
@@ -61,9 +68,9 @@ def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
     """Return a line for each of the first robots that failed: which, how and why."""
     failed = episodes[episodes["outcome"] != "reached"]
     lines = [
-        f"{row.controller} in {row.world}, episode {row.episode}, robot {row.robot_index}: {row.outcome} "
-        f"after {row.time_s:.2f} s" + (f" ({row.reason})" if row.reason else "")
-        for row in failed.head(at_most).itertuples()
+        f"{row['controller']} in {row['world']}, episode {row['episode']}, robot {row['robot_index']}: "
+        f"{row['outcome']} after {row['time_s']:.2f} s" + (f" ({row['reason']})" if row["reason"] else "")
+        for row in failed.head(at_most).to_dict("records")
     ]
     more = len(failed) - at_most
     return [*lines, f"... and {more} more"] if more > 0 else lines

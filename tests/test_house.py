@@ -11,13 +11,15 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "navbench"
 
 FLOORS = {
-    "0 words and mathematics": "contract fuzzy geometry kinematics memberships metrics streams",
+    "0 words and mathematics": (
+        "contract fuzzy geometry kinematics memberships metrics search statistics streams tuner_bridge tuners"
+    ),
     "1 descriptions": "description record robot sensors simulation world",
-    "2 physics": "motion rays simulator",
+    "2 physics": "drive motion rays simulator",
     "3 one episode": "episode perception similarity",
-    "4 many episodes": "cells engines running store",
-    "5 reading": "figures tables",
-    "6 door": "__init__ catalogue cli configuration errors interface schema sweeps",
+    "4 many episodes": "cells engines running store studies tunings",
+    "5 reading": "claims figures measures reading sections tables",
+    "6 door": ("__init__ building catalogue cli configuration errors interface schema study_configuration sweeps"),
 }
 FLOOR = {module: int(floor[0]) for floor, modules in FLOORS.items() for module in modules.split()}
 MODULES = sorted(path.stem for path in PACKAGE.glob("*.py"))
