@@ -152,9 +152,7 @@ class Sflc:
         return {
             "memberships": _columns(("variable", "term", "x", "degree"), corners),
             "rules": _columns(("heading_error", "speed", "turn"), self.inference.rules),
-            "surface": _columns(
-                ("phi_rad", "v_mps", "w_radps"), np.column_stack([errors_rad, surface]).tolist()
-            ),
+            "surface": _columns(("phi_rad", "v_mps", "w_radps"), np.column_stack([errors_rad, surface]).tolist()),
         }
 
 

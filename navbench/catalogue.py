@@ -7,12 +7,13 @@ from navbench.description import DescriptionError
 
 CONF = Path(__file__).parent / "conf"
 
-GROUPS = ("controller", "world", "robot", "sensors", "simulator")
+GROUPS = ("controller", "world", "robot", "sensors", "simulator")  # of a run
+LISTED = (*GROUPS, "tuner", "objective", "study")
 
 
 def groups_in(folders: Sequence[Path]) -> list[str]:
     """Return the groups that have a file in any of the folders, in the order of a run's words."""
-    return [group for group in GROUPS if any((folder / group).is_dir() for folder in folders)]
+    return [group for group in LISTED if any((folder / group).is_dir() for folder in folders)]
 
 
 def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
@@ -31,7 +32,7 @@ def check_folder(folder: Path) -> None:
     """
     if not folder.is_dir():
         raise DescriptionError(f"--config-dir={folder}: there is no such folder")
-    for group in GROUPS:
+    for group in LISTED:
         for file in sorted((folder / group).glob("*.yaml")):
             if (CONF / group / file.name).exists() and not file.samefile(CONF / group / file.name):
                 raise DescriptionError(f"{file}: navbench has a {group} of that name; choose another one")

@@ -16,6 +16,7 @@ Verdict = Literal["reproduced", "partly", "not_reproduced", "not_testable"]
 COLUMNS = (
     "id statement where printed unit measured low high n tolerance evidence verdict reason"  # of claims.csv
 ).split()
+FITTED = {"reproduced": "it agrees", "partly": "it partly agrees"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -95,7 +96,7 @@ def verdict(claim: Claim, measured: Measured | None) -> tuple[Verdict, str]:
     width = claim.tolerance.width(claim.printed)
     agrees = "reproduced" if away <= width else "partly" if away <= 2.0 * width else "not_reproduced"
     if claim.evidence == "fitted" and agrees != "not_reproduced":
-        return "not_testable", "it agrees, but it was fitted to this figure"
+        return "not_testable", f"{FITTED[agrees]}, but it was fitted to this figure"
     return agrees, ""  # type: ignore[return-value]
 
 

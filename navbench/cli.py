@@ -5,6 +5,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, NamedTuple
 
 from navbench import __version__
@@ -19,10 +20,14 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench controller=sflc world=deadlock           run one cell and print its table
   navbench -m controller=sflc,pid world=deadlock,no_deadlock
                                                     run every combination and print one joined table
-  navbench list [controller|world|robot|sensors|simulator]
+  navbench tune controller=pid tuner=pso world=no_deadlock
+                                                    search a controller's parameters for the least cost
+  navbench study aouf2019                           reproduce a paper, number beside number, into results/aouf2019
+  navbench report DIR... [out=DIR]                  rebuild tables and figures from results, and run nothing
+  navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each
 
-keys of a run
+keys of a run, and of a tuning
   controller= world= robot= sensors= simulator=     choose a file of that group
   GROUP.KEY=VALUE                                   change one value, such as simulator.drive=limited
   episodes=N seed=N                                 how many episodes, and the seed of all chance
@@ -30,13 +35,18 @@ keys of a run
   workers=N                                         processes; default one a core
   hydra.run.dir=DIR hydra.sweep.dir=DIR             where the results go; default outputs/DATE/TIME-...
 
+further keys of a tuning
+  tuner= objective= budget=N worlds=[...]           how to search, for what, and in which further worlds
+  +controller.tunable.KEY={low: X, high: X, scale: linear}
+                                                    search one more parameter of the controller, within bounds
+
 options
   -m, --multirun                                    sweep over comma-separated values
   --config-dir DIR                                  add your own controllers, worlds and robots
   --cfg job                                         print the composed configuration and run nothing
   --version, -h, --help
 """
-VERBS = ("list",)
+VERBS = ("list", "tune", "study", "report")
 CONFIG_DIR = ("--config-dir", "-cd")
 
 
@@ -58,8 +68,10 @@ def _verb(arguments: list[str]) -> int:
         print(HELP, end="")
     elif arguments[0] == "--version":
         print(f"navbench {__version__}")
-    elif arguments[0] in VERBS:
+    elif arguments[0] == "list":
         return _list(arguments[1:])
+    elif arguments[0] in VERBS:
+        return _other_verb(arguments[0], arguments[1:])
     else:
         return _run(arguments)
     return 0
@@ -92,9 +104,21 @@ def _list(arguments: list[str]) -> int:
     return 0
 
 
+def _other_verb(verb: str, arguments: list[str]) -> int:
+    """Run a verb that is no plain run."""
+    from navbench import verbs
+    from navbench.errors import CONFIGURATION_ERRORS, one_line
+
+    try:
+        code: int = {"tune": verbs.tune, "study": verbs.study, "report": verbs.report}[verb](arguments)
+    except (*CONFIGURATION_ERRORS, ValueError) as error:
+        return _complain(one_line(error))
+    return code
+
+
 def _run(arguments: list[str]) -> int:
     """Run one cell or a sweep under Hydra, then print its table."""
-    if arguments[0][:1] not in ("-", "~") and "=" not in arguments[0]:
+    if not _is_word(arguments[0]) and not arguments[0].startswith("-"):
         return _complain(f"{arguments[0]}: unknown verb; allowed: {', '.join(VERBS)}, or keys of a run as key=value")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises instead of printing its own message
     if os.getcwd() not in sys.path:
@@ -119,6 +143,7 @@ def _run(arguments: list[str]) -> int:
 
     try:
         _check_arguments(arguments)
+        sys.argv[1:] = sorted(arguments, key=_is_word)  # argparse stumbles over flags between words
         with warnings.catch_warnings():
             warnings.filterwarnings("error", category=UserWarning, module=r"hydra\.")  # a folder that is missing
             hydra.main(config_path="pkg://navbench.conf", config_name="run", version_base="1.3")(task)()
@@ -140,6 +165,10 @@ class Ran(NamedTuple):
 
     results: "Results"
     sweep: Path | None
+
+
+def _is_word(argument: str) -> bool:
+    return argument.startswith("~") or (not argument.startswith("-") and "=" in argument)
 
 
 def _check_arguments(arguments: list[str]) -> None:
@@ -202,7 +231,7 @@ def _print_tables(ran: "Sequence[Ran]") -> None:
 
 
 def _complain(message: str) -> int:
-    print(f"navbench: {' '.join(message.split())}", file=sys.stderr)
+    print(f"navbench: {shorten(message, 400, placeholder=' ...')}", file=sys.stderr)
     return 2
 
 

@@ -154,8 +154,8 @@ def _mapping(values: Any, key: str) -> dict[str, Any]:
 
 
 def _take(values: dict[str, Any], key: str) -> Any:
-    """Return a key's value and remove it."""
-    return values.pop(key, {})
+    """Return a key's mapping and remove it."""
+    return _mapping(values.pop(key, None) or {}, key)
 
 
 def _check_keys(values: Mapping[str, Any], key: str, allowed: Iterable[str]) -> None:

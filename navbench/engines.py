@@ -5,7 +5,9 @@ only the piece that kills is lost, and the rest of the work goes on.
 """
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Generic, NamedTuple, TypeVar
 
 Batch = TypeVar("Batch")
@@ -74,13 +76,16 @@ def _until_a_death(
     """Run batches until all are done or a process dies; count a death for each batch that was under way then."""
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    executor = _executor(workers)
+    from joblib.externals.loky import get_reusable_executor
+
+    executor = get_reusable_executor(max_workers=workers)  # its processes are kept for the next call
     under_way: dict[Any, int] = {}
     try:
         while todo or under_way:
             while todo and len(under_way) < workers:
                 index = todo.pop(0)
-                under_way[executor.submit(work.do, batches[index])] = index
+                with _interrupts_held():
+                    under_way[executor.submit(work.do, batches[index])] = index
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
             for future in done:
                 result = future.result()
@@ -90,16 +95,20 @@ def _until_a_death(
             if not (future.done() and future.exception() is None):
                 deaths[index] += 1
         del death
-        return
-    finally:
+    except BaseException:  # an interrupt, an error of the work, or a caller that wants no more
         executor.shutdown(wait=True, kill_workers=True)
+        raise
 
 
 def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
     """Do one piece in a process of its own."""
-    executor = _executor(1)
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    executor = ProcessPoolExecutor(max_workers=1)
     try:
-        result: Result = executor.submit(work.do, piece).result()
+        with _interrupts_held():
+            future = executor.submit(work.do, piece)
+        result: Result = future.result()
         return result
     except _broken():
         return work.lost(piece)
@@ -107,10 +116,17 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
         executor.shutdown(wait=True, kill_workers=True)
 
 
-def _executor(workers: int) -> Any:
-    from joblib.externals.loky import ProcessPoolExecutor
-
-    return ProcessPoolExecutor(max_workers=workers)
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach, so that they say nothing of it: this process ends them."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _broken() -> type[BaseException]:

@@ -15,7 +15,7 @@ ALLOWED = {  # what OmegaConf says, and what it means to a reader
     "converted to Integer": "must be a whole number",
     "converted to Float": "must be a number",
     "not a valid bool": "must be true or false",
-    "is not Optional": "must not be null",
+    "is not Optional|Incompatible value 'None'": "must not be null",
     "is not a ListConfig": "must be a list",
     "is not a subclass of|Cannot assign .* to Dict": "must be a mapping",
     "Cannot convert .* to string": "must be a word",
@@ -50,11 +50,14 @@ def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
     word = re.match(r"(?:Error merging override |Could not override ')([^\n']+)", text)
     file = re.match(r"In '([^']+)'", text)
     key = str(cause.full_key or "")
+    if file and not key:  # OmegaConf says of a wrong kind inside a file neither which key nor, rightly, which kind
+        return f"{file[1]}.yaml: {str(cause).splitlines()[0]}; a list stands where a mapping belongs, or the reverse"
     if isinstance(cause, ConfigAttributeError | ConfigKeyError) and isinstance(cause.key, str):
         if word and re.split(r"[.\[]", key)[0] != re.split(r"[=.]", word[1])[0]:
             key = f"{word[1]}.{key}"  # OmegaConf names a key inside a list without its place
         allowed = [str(name) for name in cause.parent_node or () if name not in ("hydra", "sources")]
-        complaint = f"{key}: unknown key; allowed here: {', '.join(allowed)}"
+        known = ", ".join(allowed) or "none; set the whole mapping, as sensors.tracker={range_m: 1.0}"
+        complaint = f"{key}: unknown key; allowed here: {known}"
     else:
         complaint = f"{word[1] if word else key}: {_allowed(cause)}"
     return f"{file[1]}.yaml: {complaint}" if file else complaint

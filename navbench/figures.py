@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navbench.description import describe
 from navbench.robot import Robot
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
 
 OBSTACLE, MOVER, WALL = "#8d99ae", "#e9a03b", "#5c677d"
 COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
@@ -31,6 +34,7 @@ PALETTE = (  # of Okabe and Ito, told apart by the colour-blind too; the first f
     "#cc79a7",
     "#444444",
 )
+MARKERS = "osD^vP*"
 DASH = 5.0  # in line widths; labels whose lines coincide take turns in showing
 
 
@@ -43,12 +47,51 @@ class Style(NamedTuple):
 
 
 def styles(labels: Iterable[str]) -> dict[str, Style]:
-    """Return a style for each label, in their order: the first is drawn through, the others in shifted dashes."""
+    """Return a style for each label, in their order: the first is drawn through, the others in shifted dashes.
+
+    The first label shares its colour with none; the others take turns with the rest of the palette.
+    """
+    first, *rest = PALETTE
     found: dict[str, Style] = {}
     for i, label in enumerate(dict.fromkeys(labels)):
         dashes = (0.0, ()) if i == 0 else (DASH * ((i - 1) % 3), (DASH, 2.0 * DASH))
-        found[label] = Style(PALETTE[i % len(PALETTE)], dashes, "osD^vP*"[(i + i // len(PALETTE)) % 7])
+        color = first if i == 0 else rest[(i - 1) % len(rest)]
+        found[label] = Style(color, dashes, MARKERS[(i + i // len(MARKERS)) % len(MARKERS)])
     return found
+
+
+def thinned(points: FloatArray, tolerance_m: float) -> FloatArray:
+    """Return a polyline with fewer points that strays from it by no more than a tolerance, after Douglas and Peucker.
+
+    Args:
+        points: (n, 2) x, y [m], n >= 1.
+        tolerance_m: the largest distance of a dropped point from its chord [m].
+    """
+    kept = np.zeros(len(points), dtype=bool)
+    kept[[0, -1]] = True
+    spans = [(0, len(points) - 1)]
+    while spans:
+        begin, end = spans.pop()
+        chord, inner = points[end] - points[begin], points[begin + 1 : end] - points[begin]
+        if not len(inner):
+            continue
+        length2 = float(chord @ chord)
+        along = np.clip(inner @ chord / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(inner))
+        away = np.hypot(*(inner - along[:, None] * chord).T)
+        farthest = int(np.argmax(away))
+        if away[farthest] > tolerance_m:
+            middle = begin + 1 + farthest
+            kept[middle] = True
+            spans += [(begin, middle), (middle, end)]
+    return points[kept]
+
+
+def new_figure(rows: int, columns: int, width: float, height: float, **shared: Any) -> "tuple[Figure, Any]":
+    """Return a figure and its (rows, columns) axes, each so wide and high [inches]."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width * columns, height * rows + 0.5), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
 def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
@@ -63,7 +106,7 @@ def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
     import matplotlib
 
     (out / "figures").mkdir(parents=True, exist_ok=True)
-    with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none", "path.simplify_threshold": 0.3}):
+    with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             content = io.BytesIO()
             figure.savefig(content, format=form, dpi=110, bbox_inches="tight", metadata=metadata)
@@ -152,6 +195,11 @@ def draw_world(ax: "Axes", world: World) -> None:
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
 
 
+def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float) -> None:
+    """Draw where a robot begins."""
+    ax.add_patch(_circle(x_m, y_m, radius_m, fill=False, color="black", zorder=6))
+
+
 def _corners(box: Any) -> Any:
     half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (box.length_m, box.width_m)
     cosine, sine = np.cos(box.heading_rad), np.sin(box.heading_rad)
@@ -179,3 +227,23 @@ def _numbers(episodes: "pd.DataFrame") -> str:
         return ""
     mean = "" if len(episodes) == 1 else f"means of {len(reached)} of {len(episodes)}: "
     return f"\n{mean}{reached['time_s'].mean():.2f} s, {reached['path_length_m'].mean():.3f} m"
+
+
+def save_convergence(results: Results, file: Path) -> None:
+    """Draw the least cost so far over the evaluations, a line a tuning, and save the picture.
+
+    Args:
+        results: a results directory with evaluations.
+        file: where to save; its ending chooses the format.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    ax = figure.subplots()
+    for (name, seed), rows in results.evaluations().groupby(["name", "seed"]):
+        evaluations = rows["evaluation"].to_numpy() + 1
+        ax.plot(evaluations, rows["cost"], ".", color="#8d99ae", markersize=3)
+        ax.step(evaluations, rows["cost"].cummin(), where="post", label=f"{name}, seed {seed}: least so far")
+    ax.set(xlabel="evaluations", ylabel="cost", yscale="log" if (results.evaluations()["cost"] > 0).all() else "linear")
+    ax.legend(frameon=False)
+    figure.savefig(file, dpi=110, bbox_inches="tight", metadata={"Software": None} if file.suffix == ".png" else None)

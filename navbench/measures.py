@@ -7,20 +7,20 @@ selects cells, it is a mapping from columns of the episodes' table (name, label,
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from navbench.claims import Measured
 from navbench.description import DescriptionError
-from navbench.reading import Reading
+from navbench.phases import is_within
+from navbench.phases import phases as phases_of
+from navbench.reading import PAIR, Reading, outcomes, reached
 from navbench.statistics import Interval, newcombe_paired, restricted_mean_difference, wilson
-
-if TYPE_CHECKING:
-    import pandas as pd
+from navbench.world import World
 
 Select = Mapping[str, Any]
-PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
+RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it is written
 
 
 def median(reading: Reading, metric: str, select: Select) -> Measured | None:
@@ -44,7 +44,7 @@ def median_over_straight(reading: Reading, select: Select) -> Measured | None:
     """Return the median of path length over the straight line from start to goal, less the goal's tolerance."""
     rows = reached(reading.select(**select))
     ratios = [
-        row["path_length_m"] / _straight_m(reading.configuration(row["run_id"]), row["robot_index"])
+        row["path_length_m"] / _straight_m(reading.world(row["run_id"]), row["robot_index"])
         for row in rows.to_dict("records")
     ]
     return _median(np.array(ratios))
@@ -79,7 +79,8 @@ def share_ordered(reading: Reading, metric: str, labels: Sequence[str], select: 
         select: which cells.
     """
     rows = reached(reading.select(**select))
-    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)[list(labels)].dropna()
+    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)
+    table = table.reindex(columns=list(labels)).dropna()
     values = table.to_numpy()
     return _share(np.all(values[:, :-1] > values[:, 1:], axis=1))
 
@@ -123,29 +124,61 @@ def speed_range(reading: Reading, select: Select) -> Measured | None:
 
 
 def share_in_phases(reading: Reading, phases: Sequence[str], select: Select) -> Measured | None:
-    """Return the share of episodes whose trace goes through some phases in this order, others between them or not.
-
-    The phases are those that the arbitration's trace tells: "turn" (at the start, the error's size falls below 0.1
-    rad), "approach" (the distance to the goal falls by 0.1 m in go-to-goal), "stall" (no progress before an obstacle),
-    "follow" (wall following begins), "release" (it ends), "reach".
+    """Return the share of episodes that go through some phases in this order, others between them or not.
 
     Args:
         reading: the study's results.
-        phases: the phases' names in the order that the paper tells.
+        phases: the phases' names (``navbench.phases``) in the order that the paper tells.
         select: which cells.
     """
-    rows = reading.select(**select)
-    held = []
-    for row in rows.to_dict("records"):
-        ways = reading.trajectory(row["run_id"])
-        way = ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
-        held.append(_is_within(phases, _phases(way, row["outcome"])))
+    held = [
+        is_within(phases, [phase.name for phase in phases_of(reading.way(row), row["outcome"])])
+        for row in reading.select(**select).to_dict("records")
+    ]
     return _share(np.array(held))
 
 
-def reached(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows of the robots that reached their goals."""
-    return rows[rows["outcome"] == "reached"]
+def difference_in_reached(reading: Reading, select: Select, than: Select) -> Measured | None:
+    """Return the paired difference of two shares that reached, with Newcombe's interval."""
+    rows = reading.pairs(select, than)
+    return _measured(newcombe_paired(*(outcomes(rows)[side] for side in ("", "_other"))))
+
+
+def difference_in_time(reading: Reading, select: Select, than: Select) -> Measured | None:
+    """Return the paired difference of two mean times up to the time limit, failures at the limit [s].
+
+    Its interval is the bootstrap's, see ``statistics.restricted_mean_difference``.
+    """
+    rows = reading.pairs(select, than)
+    here, there = outcomes(rows).values()
+    limits_s = {reading.world(run_id).time_limit_s for run_id in (*rows["run_id"], *rows["run_id_other"])}
+    if len(limits_s) != 1:
+        raise DescriptionError(f"{reading.results.path}: {select}: the worlds must share one time limit")
+    times_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
+    rng = np.random.default_rng(RESAMPLING_SEED)
+    return _measured(restricted_mean_difference(times_s[0], here, times_s[1], there, limits_s.pop(), rng))
+
+
+def least_cost(reading: Reading, tunings: Sequence[str]) -> Measured | None:
+    """Return the median, over some tunings and their seeds, of the least cost that was found, with its range."""
+    rows = reading.evaluations
+    costs = rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].min()
+    return _median(costs.to_numpy())
+
+
+def share_at_bound(reading: Reading, parameter: str, tunings: Sequence[str]) -> Measured | None:
+    """Return the share of some tunings whose best value of a parameter lies within 1 % of the range at its upper end.
+
+    Args:
+        reading: the study's results.
+        parameter: the parameter that was searched.
+        tunings: the tunings' names.
+    """
+    rows = reading.evaluations
+    best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
+    tunable = next(t for t in reading.manifest["tunings"] if t["name"] in tunings)["configuration"]["tunable"]
+    low, high = tunable[parameter]["low"], tunable[parameter]["high"]
+    return _share((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
 
 
 def measure(reading: Reading, name: str, arguments: Mapping[str, Any]) -> Measured | None:
@@ -188,43 +221,9 @@ def _measured(interval: Interval) -> Measured:
     return Measured(interval.value, interval.low, interval.high, interval.n)
 
 
-def _straight_m(cell: Mapping[str, Any], robot_index: int) -> float:
-    world = cell["configuration"]["world"]
-    start, goal = world["starts"][robot_index], world["goals"][robot_index]
-    straight = math.hypot(goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"])
-    return straight - float(world["goal_tolerance_m"])
-
-
-def _phases(way: "pd.DataFrame", outcome: str) -> list[str]:
-    """Return the phases of one robot's trajectory, in the order in which they happened."""
-    error, behavior = way["heading_error_rad"].to_numpy()[:-1], way["behavior"].to_numpy()[:-1]
-    distance, stalled = way["goal_distance_m"].to_numpy()[:-1], way["stalled"].to_numpy()[:-1]
-    happened: list[tuple[int, str]] = []
-    turned = int(np.argmax(np.abs(error) < 0.1)) if (np.abs(error) < 0.1).any() else None
-    if turned:
-        happened.append((turned, "turn"))
-    for begin, end in _spans(behavior == 0.0):
-        near = np.flatnonzero(distance[begin:end] <= distance[begin] - 0.1)
-        if len(near):
-            happened.append((begin + int(near[0]), "approach"))
-    happened += [(begin, "follow") for begin, _ in _spans(behavior == 1.0)]
-    happened += [(end, "release") for _, end in _spans(behavior == 1.0) if end < len(behavior)]
-    happened += [(int(k), "stall") for k in np.flatnonzero(stalled)]
-    order = {name: i for i, name in enumerate(("turn", "approach", "stall", "follow", "release", "reach"))}
-    names = [name for _, name in sorted(happened, key=lambda pair: (pair[0], order[pair[1]]))]
-    return [*names, "reach"] if outcome == "reached" else names
-
-
-def _spans(holds: Any) -> list[tuple[int, int]]:
-    """Return the (begin, end) of each unbroken run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
-    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _is_within(wanted: Sequence[str], happened: Sequence[str]) -> bool:
-    """Return whether the wanted names stand in the others in their order."""
-    rest = iter(happened)
-    return all(name in rest for name in wanted)
+def _straight_m(world: World, robot_index: int) -> float:
+    start, goal = world.starts[robot_index], world.goals[robot_index]
+    return math.hypot(goal.x_m - start.x_m, goal.y_m - start.y_m) - world.goal_tolerance_m
 
 
 MEASURES: Mapping[str, Callable[..., Measured | None]] = {
@@ -241,5 +240,9 @@ MEASURES: Mapping[str, Callable[..., Measured | None]] = {
         share_as_good,
         speed_range,
         share_in_phases,
+        difference_in_reached,
+        difference_in_time,
+        least_cost,
+        share_at_bound,
     )
 }

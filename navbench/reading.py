@@ -1,7 +1,11 @@
 """A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from navbench.description import DescriptionError, describe
 from navbench.store import Results
@@ -9,6 +13,8 @@ from navbench.world import World
 
 if TYPE_CHECKING:
     import pandas as pd
+
+PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
 
 
 class Reading:
@@ -36,6 +42,11 @@ class Reading:
         if run_id not in self._trajectories:
             self._trajectories[run_id] = self.results.trajectories(run_id)
         return self._trajectories[run_id]
+
+    def way(self, row: Mapping[str, Any]) -> "pd.DataFrame":
+        """Return the trajectory that belongs to a row of the table of episodes."""
+        ways = self.trajectory(row["run_id"])
+        return ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
 
     @cached_property
     def evaluations(self) -> "pd.DataFrame":
@@ -86,3 +97,25 @@ class Reading:
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
         return rows
+
+    def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any]) -> "pd.DataFrame":
+        """Return the pairs of two controllers that met the same start and noise, the other's columns with "_other".
+
+        Raises:
+            DescriptionError: one of them met a start several times, as with several tunings: pairs are not single.
+        """
+        sides = self.select(**select), self.select(**than)
+        for rows in sides:
+            if rows.duplicated(PAIR).any():
+                raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
+        return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+
+
+def reached(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows of the robots that reached their goals."""
+    return rows[rows["outcome"] == "reached"]
+
+
+def outcomes(rows: "pd.DataFrame") -> dict[str, NDArray[np.bool_]]:
+    """Return for both sides of some pairs, called "" and "_other", which of them reached."""
+    return {side: (rows[f"outcome{side}"] == "reached").to_numpy(dtype=bool) for side in ("", "_other")}

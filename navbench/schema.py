@@ -75,7 +75,8 @@ def _configured(hint: Any) -> Any:
         return str
     if get_origin(hint) in (Union, types.UnionType):
         inner = next(arg for arg in get_args(hint) if arg is not type(None))
-        return _configured(inner) | None
+        # OmegaConf cannot set a typed mapping that is null, so such a one is left to the description to check.
+        return Any if is_dataclass(inner) else _configured(inner) | None
     if get_origin(hint) is tuple:
         return list[_configured(get_args(hint)[0])]  # type: ignore[misc]
     return schema_of(hint) if is_dataclass(hint) else hint

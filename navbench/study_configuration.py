@@ -4,10 +4,12 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any
 
 from hydra import compose, initialize_config_module
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -17,7 +19,7 @@ from pydantic.dataclasses import dataclass
 from navbench import schema
 from navbench.cells import Cell
 from navbench.claims import Claim
-from navbench.configuration import cell_of
+from navbench.configuration import cell_of, check_words
 from navbench.description import STRICT, Count, DescriptionError, Flag, describe
 from navbench.measures import check_measure
 from navbench.search import Dimension
@@ -98,7 +100,9 @@ def composing(config_dir: str | None = None) -> Iterator[Compose]:
     search = [] if config_dir is None else [f"hydra.searchpath=[file://{os.path.abspath(config_dir)}]"]
 
     def composed(name: str, overrides: Sequence[str]) -> tuple[DictConfig, dict[str, Any]]:
+        check_words(overrides)
         config = compose(name, [*search, *overrides], return_hydra_config=True)
+        HydraConfig.instance().set_config(config)
         choices = dict(config.hydra.runtime.choices)
         with open_dict(config):
             del config["hydra"]
@@ -106,6 +110,19 @@ def composing(config_dir: str | None = None) -> Iterator[Compose]:
 
     with initialize_config_module("navbench.conf", version_base="1.3"):
         yield composed
+
+
+def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:
+    """Return the tuning that the command line's words describe, where its results go, and with how many workers.
+
+    Raises:
+        HydraException: an unknown choice or key.
+        DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
+    """
+    with composing(config_dir) as composed:
+        config, choices = composed("tune", overrides)
+        path = Path(HydraConfig.get().run.dir)
+        return tuning_of(config, choices, composed), path, config.workers
 
 
 def compose_study(name: str, config_dir: str | None = None) -> Study:

@@ -16,7 +16,8 @@ from navbench.record import RobotRecord
 from navbench.similarity import native_setup
 
 CONF = Path(__file__).parents[1] / "conf"
-FILES = [(group, name) for group in GROUPS for name in files_of(group, [CONF])]
+DESCRIBED = (*GROUPS, "tuner", "objective")
+FILES = [(group, name) for group in DESCRIBED for name in files_of(group, [CONF])]
 CONTROLLERS, WORLDS = list(files_of("controller", [CONF])), list(files_of("world", [CONF]))
 KINDS = {"paper", "derived", "public", "tuned", "fitted", "assumed"}
 OUTSIDE = {"defaults", "sources"}
@@ -73,7 +74,7 @@ def test_every_parameter_carries_its_source(group: str, name: str) -> None:
     for key, source in sources.items():
         assert any(leaf == key or leaf.startswith(f"{key}.") for leaf in parameters), f"{key}: no such parameter"
         assert len(KINDS & set(source)) == 1, key
-        assert set(source) <= KINDS | {"range"}, key
+        assert set(source) <= KINDS | {"range", "seed"}, key
         assert all(source.values()), key
 
 

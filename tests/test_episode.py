@@ -57,6 +57,7 @@ def test_a_robot_that_flies_through_the_goals_disc_within_a_substep_arrives_wher
     assert record.reason == ""
     assert record.metrics.time_s == pytest.approx(3.33, abs=1e-12)
     assert record.states[-1, :4] == pytest.approx([3.33, 3.33, 0.0, 0.0], abs=1e-12)
+    assert record.states[-2, [0, 4, 5]] == pytest.approx([3.3, 1.0, 0.0])  # the mean over the 0.03 s that it drove
 
 
 def test_a_goal_missed_by_more_than_the_tolerance_is_not_reached() -> None:
@@ -104,6 +105,12 @@ def test_contact_beats_arrival_in_the_same_substep() -> None:
         record = run_one(a_world(walls=(WALL,), **to(x, 0.0)), always(1.0))
         assert (record.outcome, record.reason) == ("collided", "hit wall 0")
         assert record.metrics.time_s == pytest.approx(4.1)
+
+
+def test_contact_beats_arrival_for_a_blocked_robot_too() -> None:
+    record = run_one(a_world(walls=(WALL,), **to(4.02, 0.0)), always(1.0), options=BLOCK)
+    assert record.outcome == "timed_out"
+    assert record.states[-1, 1] == pytest.approx(4.0)
 
 
 def test_arrival_in_the_substep_before_the_contact_counts() -> None:

@@ -18,8 +18,13 @@ FLOORS = {
     "2 physics": "drive motion rays simulator",
     "3 one episode": "episode perception similarity",
     "4 many episodes": "cells engines running store studies tunings",
-    "5 reading": "claims figures measures reading sections tables",
-    "6 door": ("__init__ building catalogue cli configuration errors interface schema study_configuration sweeps"),
+    "5 reading": (
+        "claims comparison figures markup measures phases provenance reading reports sections study_figures study_tables "
+        "tables"
+    ),
+    "6 door": (
+        "__init__ building catalogue cli configuration errors interface schema study_configuration sweeps verbs"
+    ),
 }
 FLOOR = {module: int(floor[0]) for floor, modules in FLOORS.items() for module in modules.split()}
 MODULES = sorted(path.stem for path in PACKAGE.glob("*.py"))

@@ -289,6 +289,31 @@ def test_switching_one_error_on_leaves_the_draws_of_the_others_as_they_were() ->
     assert len(set(together["range"])) == 12
 
 
+def test_each_error_is_drawn_from_the_stream_of_its_own_name() -> None:
+    noisy, holey = a_ring(6, 1.0, 100.0, noise_std_m=0.1), a_ring(60, 1.0, 100.0, dropout_probability=0.4)
+    normal = stream(3, "scene", 2, "range", 1).standard_normal(6)
+    readings = observe(a_perception(noisy, 2, 1, 3), np.full(6, 50.0)).ranges_m
+    assert readings == pytest.approx(50.0 + 0.1 * normal)
+    lost = stream(3, "scene", 2, "dropout", 1).random(60) < 0.4
+    assert (observe(a_perception(holey, 2, 1, 3), np.full(60, 50.0)).ranges_m == 100.0).tolist() == lost.tolist()
+    tracking = a_ring(1, 1.0, 9.0, tracker=Tracker(range_m=9.0, position_noise_std_m=0.2))
+    disc = np.array([[3.0, 2.0, 0.5, 0.0, 0.0]])
+    error = observe(a_perception(tracking, 2, 1, 3), [1.0], discs=disc).discs[0, :2] - disc[0, :2]
+    assert error == pytest.approx(0.2 * stream(3, "scene", 2, "tracker", 1).standard_normal(2))
+
+
+def test_a_disc_out_of_range_leaves_the_noise_of_the_others_as_it_was() -> None:
+    """Controllers drive different ways, past different discs, and still meet the same noise."""
+    tracking = a_ring(1, 1.0, 9.0, tracker=Tracker(range_m=9.0, position_noise_std_m=0.2))
+    near = np.array([[3.0, 2.0, 0.5, 0.0, 0.0], [2.0, 3.0, 0.5, 0.0, 0.0]])
+    seen = []
+    for x in (4.0, 400.0):
+        perception = a_perception(tracking)
+        discs = np.concatenate([[[x, 0.0, 1.0, 0.0, 0.0]], near])
+        seen.append([observe(perception, [1.0], discs=discs).discs[-2:].tolist() for _ in range(3)])
+    assert seen[0] == seen[1]
+
+
 def test_dropping_readings_leaves_the_noise_of_the_kept_ones_as_it_was() -> None:
     ring = a_ring(50, 1.0, 100.0, noise_std_m=0.1)
     whole, holey = a_perception(ring), a_perception(replace(ring, dropout_probability=0.3))

@@ -582,6 +582,13 @@ def test_no_robot_moves_further_than_a_quarter_of_its_radius_in_a_substep(
                 assert fastest * max(lengths) <= 0.125 * (1.0 + 1e-6)
 
 
+def test_substeps_are_as_long_as_the_present_command_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    with a_simulator(a_world(), a_robot(1.0, 10.0)) as simulator:
+        lengths = lengths_of_substeps(simulator, monkeypatch)
+        drive(simulator, [(10.0, 0.0), (1.0, 0.0), (0.0, 3.0)], 1.0)
+    assert lengths == pytest.approx([0.025] * 40 + [0.25] * 4 + [1.0])
+
+
 def test_a_mover_shortens_the_substeps_even_of_a_slow_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     mover = to_and_fro((900.0, 900.0), (900.0, -900.0), (-900.0, -900.0), speeds=[2.0, 8.0], radius_m=1.0)
     with a_simulator(a_world(movers=(mover,)), a_robot()) as simulator:
@@ -864,16 +871,18 @@ def test_the_tracker_sees_the_other_robots_with_their_velocities() -> None:
 # --- episodes ---
 
 
-def test_a_reset_forgets_the_last_episode() -> None:
+@pytest.mark.parametrize("accel_mps2", [None, 0.8])
+def test_a_reset_forgets_the_last_episode(accel_mps2: float | None) -> None:
     rng = np.random.default_rng(22)
-    world = clutter(rng, 1.0, robots=3, movers=2)
+    world = clutter(rng, 1.0, robots=3)
     with ExitStack() as stack:
-        fresh, used = (stack.enter_context(a_simulator(world, a_robot(), a_ring(8, 1.0, 6.0), BLOCK)) for _ in range(2))
-        drive(used, [(1.0, 0.2)] * 60, 0.3)
+        robot = a_robot(1.0, 1.0, accel_mps2)
+        fresh, used = (stack.enter_context(a_simulator(world, robot, a_ring(8, 1.0, 6.0), BLOCK)) for _ in range(2))
+        drive(used, [(1.0, 0.2)] * 60, 0.9)
         used.reset([Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
         for k in range(60):
             for simulator in (fresh, used):
-                drive(simulator, [(0.8, -0.1)], 0.3, first_period=k)
+                drive(simulator, [(0.3, 0.4 * math.sin(k))], 0.9, first_period=k)
             assert fresh.robots.tobytes() == used.robots.tobytes()
             assert fresh.contacts == used.contacts
             for i in range(3):

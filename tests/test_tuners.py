@@ -802,7 +802,7 @@ import signal, threading, time
 import numpy as np
 from navbench.tuner_bridge import De, points_of
 """
-    return subprocess.run([sys.executable, "-c", before + script], capture_output=True, text=True, timeout=20)
+    return subprocess.run([sys.executable, "-c", before + script], capture_output=True, text=True, timeout=120)
 
 
 def test_a_generator_that_is_still_alive_does_not_hold_the_program_up() -> None:
