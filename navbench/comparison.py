@@ -1,8 +1,8 @@
-"""Sections of a report that compare: controllers over the same starts, and tuners at equal budgets."""
+"""The section of a report that compares controllers over the same starts."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from navbench.reading import Reading, outcomes, reached
 from navbench.statistics import (
     Interval,
     WinRatio,
-    friedman,
     median_and_range,
     newcombe_paired,
     restricted_mean,
@@ -22,11 +21,8 @@ from navbench.statistics import (
     win_ratio,
 )
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
 Select = Mapping[str, Any]
+SWEPT = "#444444"
 NOTE = (
     "A difference is the row's minus that of **{reference}**, start by start; the mean time counts a failure as the "
     "time limit ({limit:g} s), whenever it came; the win ratio is pairs won over pairs lost, a failure being the worst "
@@ -99,53 +95,6 @@ def fair_comparison(
     if speeds_mps:
         parts.append(_sweep(found, out, f"{file}_speeds", list(worlds), speeds_mps, level, styles(reading.labels)))
     return "\n".join(parts)
-
-
-def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str]) -> str:
-    """Return how tuners fell over an equal budget and what they found, over their seeds.
-
-    Args:
-        reading: the study's results.
-        out: the report's directory.
-        file: the files' name.
-        caption: what the figure shows.
-        tunings: the name of each tuning and what it is called, as are the cells that take its best.
-    """
-    import pandas as pd
-
-    rows = reading.evaluations
-    parameters = [name for name in rows.columns if name not in (*TUNING_COLUMNS, "tuning_id", "name", "tuner", "seed")]
-    best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
-    least = best.pivot(index="seed", columns="name", values="cost")[list(tunings)]
-    ranking = friedman(least.to_numpy())
-    raw, printed = [], []
-    for (name, label), rank in zip(tunings.items(), ranking.mean_ranks, strict=True):
-        mine = best[best["name"] == name]
-        budget = len(rows[rows["name"] == name]) // len(mine)
-        cost = median_and_range(mine["cost"].to_numpy())
-        gains = [median_and_range(mine[parameter].to_numpy(dtype=float)) for parameter in parameters]
-        raw.append([label, len(mine), budget, *cost[:3], rank, *(gain.value for gain in gains)])
-        words = [f"{cost.value:.5f} [{cost.low:.5f}, {cost.high:.5f}]", f"{rank:.1f}"]
-        words += [f"{gain.value:.3g} [{gain.low:.3g}, {gain.high:.3g}]" for gain in gains]
-        printed.append([label, str(len(mine)), str(budget), *words])
-    names = ["label", "seeds", "budget", "cost", "cost_low", "cost_high", "mean_rank", *parameters]
-    headers = ["", "seeds", "evaluations", "least cost", "mean rank", *parameters]
-    table = save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
-    kept = best[["name", "seed", "evaluation", "cost", *parameters]].sort_values(["name", "seed"])
-    words = [
-        [str(x) if not isinstance(x, float) else f"{x:.6g}" for x in row] for row in kept.to_numpy(object).tolist()
-    ]
-    save_table(out, f"{file}_best", kept, list(kept.columns), words)
-    figure = _convergence(reading, rows, out, file, caption, tunings)
-    test = (
-        f"Median [range] over the seeds. Friedman's test over {ranking.n} seeds: chi-square {ranking.statistic:.2f}, "
-        f"p = {ranking.p_value:.2g}; the mean rank is 1 for the least cost. "
-        f"[Every tuning's best](tables/{file}_best.csv), [LaTeX](tables/{file}_best.tex)."
-    )
-    return f"{figure}\n{table}\n{test}\n"
-
-
-TUNING_COLUMNS = ("evaluation", "cost", "reached", "robots")
 
 
 def _compare(reading: Reading, select: Select, title: str, world: str, label: str, reference: str) -> Comparison:
@@ -265,11 +214,13 @@ def _sweep(
         for ax, name in zip(column, ("reached", "time_s"), strict=True):
             swept = sorted((speed, getattr(here[label], name)) for label, speed in speeds_mps.items())
             at, intervals = [speed for speed, _ in swept], [interval for _, interval in swept]
-            ax.plot(at, [i.value for i in intervals], "o-", color="#0072b2", label="PID at a constant speed", zorder=3)
-            ax.fill_between(at, [i.low for i in intervals], [i.high for i in intervals], color="#0072b2", alpha=0.2)
+            ax.plot(at, [i.value for i in intervals], "o-", color=SWEPT, label="PID at a constant speed", zorder=3)
+            ax.fill_between(at, [i.low for i in intervals], [i.high for i in intervals], color=SWEPT, alpha=0.2)
             for label in level:
                 interval = getattr(here[label], name)
-                ax.axhline(interval.value, color=style[label].color, linestyle=style[label].dashes, label=label)
+                ax.axhline(
+                    interval.value, color=style[label].color, linestyle=(0.0, style[label].dashes[1]), label=label
+                )
                 ax.axhspan(interval.low, interval.high, color=style[label].color, alpha=0.15, linewidth=0)
             ax.grid(alpha=0.3)
         column[0].set_title(world)
@@ -277,38 +228,6 @@ def _sweep(
     axes[0, 0].set_ylabel("share that reached")
     axes[1, 0].set_ylabel("mean time [s],\nfailures at the limit")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, handlelength=4.0)
     caption = "One PID at several constant speeds, beside controllers that choose theirs; bands are 95 % intervals."
     return save_figure(figure, out, stem, caption)
-
-
-def _convergence(
-    reading: Reading, rows: "pd.DataFrame", out: Path, stem: str, caption: str, tunings: Mapping[str, str]
-) -> str:
-    """Return the figure of the least cost so far over the evaluations, all of it and near its end."""
-    style = styles(reading.labels)
-    figure, axes = new_figure(1, 2, 4.6, 3.2)
-    final = []
-    for name, label in tunings.items():
-        mine = rows[rows["name"] == name]
-        best = mine.pivot(index="evaluation", columns="seed", values="cost").cummin()
-        final.append(best.iloc[-1].max())
-        for ax in axes.ravel():
-            _band(ax, best, style[label], label)
-    least = rows["cost"].min()
-    axes[0, 0].set(xscale="log", title="all")
-    axes[0, 1].set(
-        ylim=(least - 0.1 * (max(final) - least), max(final) + 2.0 * (max(final) - least)), title="near the end"
-    )
-    for ax in axes.ravel():
-        ax.set(xlabel="evaluations", ylabel="least cost so far [rad² s]")
-        ax.grid(alpha=0.3)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    return save_figure(figure, out, stem, caption)
-
-
-def _band(ax: "Axes", best: "pd.DataFrame", style: Any, label: str) -> None:
-    at = best.index + 1
-    ax.fill_between(at, best.min(axis=1), best.max(axis=1), color=style.color, alpha=0.12, linewidth=0)
-    ax.plot(at, best.median(axis=1), color=style.color, linewidth=1.6, label=label)

@@ -6,6 +6,7 @@ only the piece that kills is lost, and the rest of the work goes on.
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -84,7 +85,7 @@ def _until_a_death(
         while todo or under_way:
             while todo and len(under_way) < workers:
                 index = todo.pop(0)
-                with _interrupts_held():
+                with _deaf():
                     under_way[executor.submit(work.do, batches[index])] = index
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
             for future in done:
@@ -106,7 +107,7 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
 
     executor = ProcessPoolExecutor(max_workers=1)
     try:
-        with _interrupts_held():
+        with _deaf():
             future = executor.submit(work.do, piece)
         result: Result = future.result()
         return result
@@ -117,16 +118,16 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def _deaf() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach, so that they say nothing of it: this process ends them."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
+    if threading.current_thread() is not threading.main_thread():  # where Python does not let signals be set
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process inherits what its parent ignores
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, before)
 
 
 def _broken() -> type[BaseException]:

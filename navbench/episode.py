@@ -23,7 +23,7 @@ from navbench.similarity import Native, Similarity, accel_max_mps2, native_setup
 from navbench.simulation import SimulatorOptions
 from navbench.simulator import Simulator
 from navbench.streams import stream
-from navbench.world import World
+from navbench.world import Start, World
 
 FloatArray = NDArray[np.float64]
 
@@ -144,7 +144,10 @@ class EpisodeRunner:
         return [self._record(i, pilot, rows[i]) for i, pilot in enumerate(pilots)]
 
     def starts(self, episode: int) -> list[Pose]:
-        """Return where the robots begin: the world's starts, moved at random, drawn again while in contact."""
+        """Return where the robots begin: the world's starts, moved at random, drawn again while in contact.
+
+        A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
+        """
         world = self._world
         poses: list[Pose] = []
         for i, start in enumerate(world.starts):
@@ -156,12 +159,23 @@ class EpisodeRunner:
                     start.y_m + dy * self._jitter.position_m,
                     wrap_angle(world.start_heading_rad(i) + turn * self._jitter.heading_rad),
                 )
-                if _free(pose, self._robot.radius_m, self._boxes, self._discs, poses):
+                if self._reachable(start, pose) and _free(pose, self._robot.radius_m, self._boxes, self._discs, poses):
                     poses.append(pose)
                     break
             else:
                 raise DescriptionError(f"start_jitter_m: no free place near world.starts[{i}]")
         return poses
+
+    def _reachable(self, start: Start, pose: Pose) -> bool:
+        """Return whether a drawn start lies inside the bounds and on the same side of everything as the world's own."""
+        if not self._world.bounds.hold(pose.x_m, pose.y_m):
+            return False
+        dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
+        steps = math.ceil(math.hypot(dx, dy) / (0.25 * self._robot.radius_m))
+        return all(
+            distance_to_nearest(start.x_m + dx * k / steps, start.y_m + dy * k / steps, self._boxes, self._discs) > 0.0
+            for k in range(1, steps)
+        )
 
     def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
         world = self._world

@@ -25,7 +25,7 @@ OBSTACLE, MOVER, WALL = "#8d99ae", "#e9a03b", "#5c677d"
 COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
-PALETTE = (  # of Okabe and Ito, told apart by the colour-blind too; the first four near aouf2019's red, yellow, blue, green
+PALETTE = (  # Okabe and Ito's, for the colour-blind too; the first four near aouf2019's red, yellow, blue and green
     "#d55e00",
     "#e69f00",
     "#0072b2",

@@ -93,7 +93,10 @@ class Perception:
             discs: (n, 5) x, y, radius, vx, vy of everything round [m, m/s]; None without a tracker.
         """
         if self._range_rng is not None:
-            ranges_m += self._sensors.noise_std_m * self._range_rng.standard_normal(len(ranges_m))
+            noise = self._sensors.noise_std_m * self._range_rng.standard_normal(len(ranges_m))
+            ranges_m += np.where(
+                ranges_m < self._max, noise, 0.0
+            )  # where nothing is seen there is nothing to err about
         if self._dropout_rng is not None:
             ranges_m[self._dropout_rng.random(len(ranges_m)) < self._sensors.dropout_probability] = math.inf
         if self._errs:

@@ -32,9 +32,8 @@ def sources(reading: Reading, out: Path, *, file: str) -> str:
         value = re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", row["value"])
         value = value if len(value) <= LONGEST else value[: LONGEST - 1] + "…"
         varied = f" (also {row['also']})" if row["also"] else ""
-        rows.append(
-            [row["part"], row["name"], row["parameter"], value + varied, row["source"], row["why"], row["range"]]
-        )
+        named = [row["part"], row["name"], row["parameter"], value + varied]
+        rows.append([*named, row["source"], row["why"], row["range"]])
     headers = ["part", "name", "parameter", "value", "source", "which, or why", "another reader might take"]
     table = save_table(out, file, pd.DataFrame(raw), headers, rows)
     return f"{len(raw)} parameters by source: {told}.\n\n{table}"
@@ -55,8 +54,8 @@ def _parts(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
                 if set(values) - {MISSING}:
                     yield _row(part, name, key, [value for value in values if value != MISSING], source)
                 if tuned:
-                    where = f"tunings {', '.join(sorted(tuned))} of this study; every value in the section on tuning"
-                    yield _row(part, name, key, ["where the label says so"], {"tuned": where})
+                    where = f"this study's tunings {', '.join(sorted(tuned))}"
+                    yield _row(part, name, key, ["see the tunings"], {"tuned": where})
 
 
 def _tuners(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
@@ -70,7 +69,7 @@ def _tuners(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
             values = tuning["configuration"][part]
             given = (tuning.get("sources") or {}).get(part) or {}
             for key in _leaves(values):
-                source = next((given[k] for k in given if key == k or key.startswith(f"{k}.")), {})
+                source: Mapping[str, Any] = next((given[k] for k in given if key == k or key.startswith(f"{k}.")), {})
                 yield _row(part, tuning[part], key, [_value(values, key)], source)
 
 

@@ -43,10 +43,11 @@ class Reading:
             self._trajectories[run_id] = self.results.trajectories(run_id)
         return self._trajectories[run_id]
 
-    def way(self, row: Mapping[str, Any]) -> "pd.DataFrame":
+    def way(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
         """Return the trajectory that belongs to a row of the table of episodes."""
         ways = self.trajectory(row["run_id"])
-        return ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
+        way: pd.DataFrame = ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
+        return way
 
     @cached_property
     def evaluations(self) -> "pd.DataFrame":

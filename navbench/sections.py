@@ -1,7 +1,8 @@
-"""The sections of a report: functions by name, each from stored results to Markdown, with tables and figures beside it.
+"""The sections of a report: functions by name, each from stored results to Markdown, tables and figures.
 
-A section is ``function(reading, out, **arguments) -> str``: it writes below ``out`` and returns Markdown whose links are
-relative to it. A study's file names it and gives its arguments, with a ``title`` and, where wanted, a ``text`` in front.
+A section is ``function(reading, out, **arguments) -> str``: it writes below ``out`` and returns Markdown whose links
+are relative to it. A study's file names it and gives its arguments, with a ``title`` and, where wanted, a ``text`` in
+front.
 """
 
 import inspect
@@ -9,7 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from navbench.comparison import fair_comparison, tuners_compared
+from navbench.comparison import fair_comparison
+from navbench.convergence import tuners_compared
 from navbench.description import DescriptionError
 from navbench.provenance import sources
 from navbench.reading import Reading

@@ -74,7 +74,7 @@ class Sensors:
         max_range_m: largest reading, also what an empty cone reads [m].
         cone_half_angle_rad: half the opening of a sensor's cone [rad].
         rays: rays spread evenly over a cone; the reading is the nearest hit. One ray looks straight ahead.
-        noise_std_m: standard deviation of the Gaussian error of a reading [m].
+        noise_std_m: standard deviation of the Gaussian error of a reading that sees something [m].
         dropout_probability: probability that a reading is lost and reads as nothing seen.
         odometry: errors of the reported pose.
         tracker: a tracker of discs, or None.

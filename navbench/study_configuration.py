@@ -7,8 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from hydra import compose, initialize_config_module
+from hydra import compose, version
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra._internal.hydra import Hydra
+from hydra._internal.utils import create_config_search_path
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.utils import instantiate
@@ -97,19 +100,26 @@ class StudyFile:
 def composing(config_dir: str | None = None) -> Iterator[Compose]:
     """Give a function that composes a primary config with overrides, and returns it with the choices in its groups."""
     schema.register()
-    search = [] if config_dir is None else [f"hydra.searchpath=[file://{os.path.abspath(config_dir)}]"]
+    search_path = create_config_search_path("pkg://navbench.conf")
+    if config_dir is not None:
+        folder = f"file://{os.path.abspath(config_dir)}"
+        search_path.prepend("command-line", folder, anchor="schema")  # the schemas must stand last
 
     def composed(name: str, overrides: Sequence[str]) -> tuple[DictConfig, dict[str, Any]]:
         check_words(overrides)
-        config = compose(name, [*search, *overrides], return_hydra_config=True)
+        config = compose(name, list(overrides), return_hydra_config=True)
         HydraConfig.instance().set_config(config)
         choices = dict(config.hydra.runtime.choices)
         with open_dict(config):
             del config["hydra"]
         return config, choices
 
-    with initialize_config_module("navbench.conf", version_base="1.3"):
+    version.setbase("1.3")
+    Hydra.create_main_hydra2("navbench", search_path)
+    try:
         yield composed
+    finally:
+        GlobalHydra.instance().clear()
 
 
 def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:

@@ -45,7 +45,7 @@ def trajectories(
         caption: what the figure shows.
         select: which cells.
         panels: each panel's title and world.
-        labels: whose ways, the first on top.
+        labels: whose ways, the first below the others, which are dashed.
         columns: how many panels stand side by side.
     """
     columns = min(columns, len(panels))
@@ -56,7 +56,7 @@ def trajectories(
         draw_world(ax, reading.world(records[0]["run_id"]))
         ways = [(row, reading.way(row)) for row in records]
         for row, way in ways:
-            _draw_way(ax, way, style[row["label"]], len(labels) - labels.index(row["label"]), row["tuning_seed"] > 0)
+            _draw_way(ax, way, style[row["label"]], labels.index(row["label"]), row["tuning_seed"] > 0)
             if row["outcome"] != "reached":
                 ax.plot(way["x_m"].iloc[-1], way["y_m"].iloc[-1], "X", color=style[row["label"]].color, zorder=20)
         robot = describe(Robot, reading.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")

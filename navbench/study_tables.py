@@ -160,8 +160,9 @@ def findings(reading: Reading, out: Path, *, sentences: Sequence[Mapping[str, An
     Args:
         reading: the study's results.
         out: the report's directory; nothing is written into it.
-        sentences: each ``say`` with names in braces, and for each name, under ``with``, its measure. A name is written
-            ``{x:.2f}`` (the value), ``{x:percent}``, ``{x:count}`` (held of n) or ``{x:range .2f}`` (with low and high).
+        sentences: each ``say`` with names in braces, and for each name, under ``with``, its measure. A name is
+            written ``{x:.2f}`` (the value), ``{x:percent}``, ``{x:count}`` (held of n) or ``{x:range .2f}`` (with low
+            and high).
     """
     lines = []
     for i, sentence in enumerate(sentences):
@@ -226,7 +227,7 @@ def description(reading: Reading, name: str) -> "pd.DataFrame":
     return tables[name]
 
 
-def _measured(claim: Mapping[str, Any]) -> str:
+def _measured(claim: Mapping[Any, Any]) -> str:
     if not claim["n"]:
         return MISSING
     words = f"{claim['measured']:.4g}"

@@ -19,8 +19,8 @@ FLOORS = {
     "3 one episode": "episode perception similarity",
     "4 many episodes": "cells engines running store studies tunings",
     "5 reading": (
-        "claims comparison figures markup measures phases provenance reading reports sections study_figures study_tables "
-        "tables"
+        "claims comparison convergence figures markup measures phases provenance reading reports sections "
+        "study_figures study_tables tables"
     ),
     "6 door": (
         "__init__ building catalogue cli configuration errors interface schema study_configuration sweeps verbs"

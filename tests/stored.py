@@ -1,0 +1,106 @@
+"""Small results directories with made-up records, which the tests of the reading floor share."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.metrics import Metrics
+from navbench.reading import Reading
+from navbench.record import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.store import Results
+
+FloatArray = NDArray[np.float64]
+
+LIMIT_S = 60.0
+TRACE = ("behavior", "heading_error_rad", "goal_distance_m", "at_obstacle", "stalled")
+WORLD = {
+    "bounds": {"x_min_m": -1.0, "x_max_m": 4.0, "y_min_m": -1.0, "y_max_m": 1.0},
+    "boxes": [{"x_m": 1.5, "y_m": 0.5, "length_m": 0.2, "width_m": 0.2}],
+    "starts": [{"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}],
+    "goals": [{"x_m": 3.0, "y_m": 0.0}],
+    "goal_tolerance_m": 0.1,
+    "time_limit_s": LIMIT_S,
+}
+ROBOT = {"radius_m": 0.1, "track_m": 0.15, "wheel_speed_max_mps": 0.5, "wheel_accel_max_mps2": None}
+SOURCES = {
+    "controller": {"build.kp": {"public": "a course"}, "build.gain": {"assumed": "why", "range": [0.5, 2.0]}},
+    "world": {"boxes": {"fitted": "Fig 1"}},
+    "robot": {"radius_m": {"paper": "Table 1"}},
+}
+
+
+def a_record(outcome: Any = "reached", time_s: float = 10.0, length_m: float = 3.0, **changes: Any) -> RobotRecord:
+    """Return what a robot did that drove straight ahead."""
+    metrics = Metrics(length_m, time_s, int(outcome == "collided"), 0.1, length_m / time_s, 1.0, 0.5, 2)
+    t_s = np.linspace(0.0, time_s, 5)
+    speed = np.full(5, length_m / time_s)
+    states = np.column_stack([t_s, 0.29 * t_s, 0.0 * t_s, 0.0 * t_s, speed, 0.0 * t_s])
+    nothing = np.zeros(5)
+    traces = np.column_stack([nothing, nothing, 3.0 - 0.29 * t_s, nothing, nothing])
+    record = RobotRecord(0, outcome, "", metrics, states, traces, TRACE, np.full(4, 1e-5))
+    return record._replace(**changes)
+
+
+def a_cell(
+    label: str = "A", world: str = "plain", name: str = "printed", tuning: str = "", seed: int = -1, **build: Any
+) -> StudyCell:
+    """Return a study's cell; what differs makes its run_id."""
+    run_id = f"{label}-{world}-{name}-{seed}".replace(" ", "").lower()
+    configuration = {
+        "controller": {"build": {"_target_": "somewhere.Pid", "kp": 5.0, "gain": 1.0, **build}},
+        "world": WORLD,
+        "robot": ROBOT,
+        "sensors": {},
+        "simulator": {},
+    }
+    names = Names("pid", world, "disc", "none", "ideal")
+    return StudyCell(CellKey(names, configuration, SOURCES, run_id, run_id, 0, 1), name, label, tuning, seed)
+
+
+def a_tuning(name: str, seed: int) -> TuningKey:
+    """Return a tuning's key."""
+    configuration = {
+        "tuner": {"build": {"_target_": "somewhere.Pso", "n": 10}},
+        "objective": {"weights": {"heading_ise": 1.0}},
+        "tunable": {"kp": {"low": 0.0, "high": 10.0, "scale": "linear"}},
+    }
+    return TuningKey(name, name, "ise", "pid", ("plain",), "0", f"{name}-{seed}", seed, 4, configuration)
+
+
+def store(
+    path: Path,
+    cells: Sequence[tuple[StudyCell, Sequence[RobotRecord]]],
+    study: Mapping[str, Any] | None = None,
+    costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
+    descriptions: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Reading:
+    """Write a results directory and return it as it is read.
+
+    Args:
+        path: the directory.
+        cells: each cell with a record an episode.
+        study: the study's name, title, claims and report.
+        costs: of each tuning, by name and seed, the cost of each evaluation; the values of kp rise from 1 by 3.
+        descriptions: named tables.
+    """
+    results = Results(path)
+    tunings = [a_tuning(name, seed) for name, seed in costs or {}]
+    results.begin([cell for cell, _ in cells], tunings, study)
+    for cell, records in cells:
+        results.write_batch(cell.key, range(len(records)), list(enumerate(records)))
+    for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
+        columns = {
+            "evaluation": list(range(len(values))),
+            "cost": list(values),
+            "reached": [1] * len(values),
+            "robots": [1] * len(values),
+            "kp": [min(1.0 + 3.0 * i, 10.0) for i in range(len(values))],
+        }
+        results.write_evaluations(tuning, columns)
+    for name, table in (descriptions or {}).items():
+        results.write_description(name, table)
+    results.end()
+    return Reading(results)

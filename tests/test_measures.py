@@ -1,0 +1,237 @@
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from stored import LIMIT_S, TRACE, a_cell, a_record, store
+
+from navbench.claims import Measured
+from navbench.description import DescriptionError
+from navbench.measures import MEASURES, check_measure, measure
+from navbench.phases import is_within, phases
+from navbench.reading import Reading
+from navbench.record import RobotRecord
+
+
+def reading_of(path: Path, **labels: list[RobotRecord]) -> Reading:
+    """Return a results directory with one cell a label."""
+    return store(path, [(a_cell(label), records) for label, records in labels.items()])
+
+
+def value_of(reading: Reading, name: str, **arguments: Any) -> Measured:
+    found = measure(reading, name, arguments)
+    assert found is not None
+    return found
+
+
+def test_a_median_never_includes_a_failure(tmp_path: Path) -> None:
+    records = [a_record(time_s=t) for t in (10.0, 12.0, 30.0)] + [
+        a_record("collided", 1.0),
+        a_record("timed_out", 60.0),
+    ]
+    reading = reading_of(tmp_path, A=records)
+    assert value_of(reading, "median", metric="time_s", select={"label": "A"}) == (12.0, 10.0, 30.0, 3)
+
+
+def test_a_median_of_failures_alone_is_nothing(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record("collided")])
+    assert measure(reading, "median", {"metric": "time_s", "select": {"label": "A"}}) is None
+    assert measure(reading, "median_over_straight", {"select": {"label": "A"}}) is None
+
+
+def test_a_ratio_is_taken_robot_by_robot(tmp_path: Path) -> None:
+    records = [a_record(length_m=2.0, time_s=10.0), a_record(length_m=6.0, time_s=12.0), a_record("collided", 1.0, 9.0)]
+    reading = reading_of(tmp_path, A=records)
+    found = value_of(reading, "median_ratio", metric="path_length_m", over="time_s", select={"label": "A"})
+    assert found == pytest.approx((0.35, 0.2, 0.5, 2))
+
+
+def test_the_straight_line_ends_at_the_edge_of_the_goal(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record(length_m=2.9)])
+    assert value_of(reading, "median_over_straight", select={"label": "A"}).value == pytest.approx(1.0)
+
+
+def test_a_failure_is_worse_than_any_arrival_and_two_failures_say_nothing(tmp_path: Path) -> None:
+    reading = reading_of(
+        tmp_path,
+        A=[a_record(time_s=10.0), a_record(time_s=50.0), a_record("collided", 1.0), a_record("collided", 1.0)],
+        B=[a_record(time_s=11.0), a_record("collided", 1.0), a_record(time_s=50.0), a_record("timed_out", 60.0)],
+    )
+    found = value_of(reading, "share_better", metric="time_s", select={"label": "A"}, than={"label": "B"})
+    assert found.value == pytest.approx(2 / 3)
+    assert found.n == 3
+
+
+def test_a_tie_is_not_better(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record()], B=[a_record()])
+    assert value_of(reading, "share_better", metric="time_s", select={"label": "A"}, than={"label": "B"}).value == 0.0
+
+
+def test_as_good_allows_the_margin_and_demands_arrival_where_the_other_arrives(tmp_path: Path) -> None:
+    reading = reading_of(
+        tmp_path,
+        A=[a_record(time_s=10.5), a_record(time_s=10.6), a_record("collided", 1.0), a_record("collided", 1.0)],
+        B=[a_record(time_s=10.0), a_record(time_s=10.0), a_record(time_s=10.0), a_record("collided", 1.0)],
+    )
+    found = value_of(
+        reading, "share_as_good", metric="time_s", select={"label": "A"}, than={"label": "B"}, margin=0.051
+    )
+    assert (found.value, found.n) == (0.5, 4)
+
+
+def test_an_order_must_hold_strictly_from_label_to_label(tmp_path: Path) -> None:
+    times = {"A": (30.0, 30.0, 10.0), "B": (20.0, 20.0, 20.0), "C": (10.0, 20.0, 30.0)}
+    cells = [
+        (a_cell(label, tuning=label, seed=seed), [a_record(time_s=time_s)])
+        for label, all_s in times.items()
+        for seed, time_s in enumerate(all_s)
+    ]
+    reading = store(tmp_path, cells)
+    found = value_of(reading, "share_ordered", metric="time_s", labels=["A", "B", "C"], select={"name": "printed"})
+    assert (found.value, found.n) == (pytest.approx(1 / 3), 3)
+
+
+def test_an_order_with_a_label_that_never_arrived_is_nothing(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record()], B=[a_record("collided")])
+    arguments = {"metric": "time_s", "labels": ["A", "B"], "select": {"name": "printed"}}
+    assert measure(reading, "share_ordered", arguments) is None
+
+
+def test_shares_count_outcomes_with_wilsons_interval(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record(), a_record("collided"), a_record("timed_out"), a_record("reached")])
+    select = {"label": "A"}
+    assert value_of(reading, "share_reached", select=select)[:1] == (0.5,)
+    assert value_of(reading, "share_without_collision", select=select).value == 0.75
+    found = value_of(reading, "share_with_outcome", outcomes=["timed_out", "collided"], select=select)
+    assert found.value == 0.5
+    assert found.low == pytest.approx(0.1500, abs=1e-4)
+    assert found.high == pytest.approx(0.8500, abs=1e-4)
+
+
+def test_the_speed_is_taken_over_all_periods(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record(length_m=2.0), a_record(length_m=4.0)])
+    assert value_of(reading, "speed_range", select={"label": "A"}) == pytest.approx((0.3, 0.2, 0.4, 10))
+
+
+def test_differences_are_paired_start_by_start(tmp_path: Path) -> None:
+    reading = reading_of(
+        tmp_path,
+        A=[a_record(time_s=t) for t in (10.0, 20.0, 30.0, 40.0)],
+        B=[a_record(time_s=11.0), a_record(time_s=22.0), a_record("collided", 1.0), a_record(time_s=41.0)],
+    )
+    reached = value_of(reading, "difference_in_reached", select={"label": "A"}, than={"label": "B"})
+    assert (reached.value, reached.n) == (0.25, 4)
+    times = value_of(reading, "difference_in_time", select={"label": "A"}, than={"label": "B"})
+    assert times.value == pytest.approx((-1.0 - 2.0 - (LIMIT_S - 30.0) - 1.0) / 4)
+    assert times.low <= times.value <= times.high
+
+
+def test_a_start_that_one_side_met_twice_is_refused(tmp_path: Path) -> None:
+    cells = [(a_cell("A", tuning="pso", seed=seed), [a_record()]) for seed in (0, 1)]
+    reading = store(tmp_path, [*cells, (a_cell("B"), [a_record()])])
+    with pytest.raises(DescriptionError, match="met the same start several times"):
+        measure(reading, "difference_in_time", {"select": {"label": "A"}, "than": {"label": "B"}})
+
+
+def test_tunings_are_summed_up_over_their_seeds(tmp_path: Path) -> None:
+    costs = {("pso", 0): [3.0, 2.0, 2.5, 4.0], ("pso", 1): [5.0, 4.0, 3.0, 1.0], ("fa", 0): [9.0, 9.0, 9.0, 8.0]}
+    reading = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)
+    assert value_of(reading, "least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
+    found = value_of(reading, "share_at_bound", parameter="kp", tunings=["pso", "fa"])  # the best kp: 4, 10, 10
+    assert (found.value, found.n) == (pytest.approx(2 / 3), 3)
+
+
+def test_a_selection_that_matches_nothing_is_an_error(tmp_path: Path) -> None:
+    reading = reading_of(tmp_path, A=[a_record()])
+    with pytest.raises(DescriptionError, match="no episodes match"):
+        reading.select(label="B")
+    with pytest.raises(DescriptionError, match="colour"):
+        reading.select(colour="red")
+
+
+def test_a_cell_that_stands_under_two_names_is_found_under_both(tmp_path: Path) -> None:
+    first = a_cell("A")
+    reading = store(tmp_path, [(first, [a_record()])])
+    reading.manifest["cells"].append({**reading.manifest["cells"][0], "name": "laws"})
+    again = Reading(reading.results)
+    again.manifest = reading.manifest
+    assert len(again.select(name="printed")) == len(again.select(name="laws")) == 1
+
+
+def test_every_measure_is_named_as_its_function() -> None:
+    assert all(name == function.__name__ for name, function in MEASURES.items())
+    assert all(function.__doc__ for function in MEASURES.values())
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ({"name": "mean"}, ["key.name='mean'", "median"]),
+        ({"name": "median", "metric": "time_s", "select": {}, "of": 1}, ["key.of", "metric, select"]),
+        ({"name": "median", "metric": "time_s"}, ["key.select: missing", "metric, select"]),
+        ({}, ["key.name='None'"]),
+    ],
+)
+def test_an_unknown_measure_or_argument_is_refused_by_name(spec: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(DescriptionError) as error:
+        check_measure("key", spec)
+    assert all(word in str(error.value) for word in words)
+
+
+def a_way(**columns: list[float]) -> pd.DataFrame:
+    """Return a trajectory with this trace; its last row, where nothing acted, is added."""
+    count = max(len(values) for values in columns.values())
+    values = {name: [*columns.get(name, [0.0] * count), math.nan] for name in TRACE}
+    return pd.DataFrame({"t_s": np.arange(count + 1.0), **values})
+
+
+def names_of(way: pd.DataFrame, outcome: str = "reached") -> list[str]:
+    return [phase.name for phase in phases(way, outcome)]
+
+
+ESCAPE = a_way(
+    heading_error_rad=[-2.0, -1.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    goal_distance_m=[3.0, 3.0, 2.8, 2.0, 2.0, 2.0, 1.9, 1.7, 1.0],
+    behavior=[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0],
+    stalled=[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+    at_obstacle=[0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0],
+)
+
+
+def test_an_escape_goes_through_all_phases_in_order() -> None:
+    assert names_of(ESCAPE) == ["turn", "approach", "stall", "follow", "release", "approach", "reach"]
+    assert [phase.row for phase in phases(ESCAPE, "reached")] == [2, 2, 4, 4, 7, 8, 9]
+
+
+def test_a_failure_never_reaches() -> None:
+    assert names_of(ESCAPE, "timed_out")[-1] == "approach"
+
+
+def test_who_looks_ahead_at_the_start_does_not_turn() -> None:
+    assert "turn" not in names_of(a_way(heading_error_rad=[0.05, 2.0, 0.0]))
+
+
+def test_standing_still_away_from_obstacles_is_no_stall() -> None:
+    assert "stall" not in names_of(a_way(stalled=[1.0, 1.0, 0.0]))
+    assert "stall" in names_of(a_way(stalled=[1.0, 1.0, 0.0], at_obstacle=[0.0, 1.0, 0.0]))
+
+
+def test_wall_following_that_lasts_to_the_end_is_not_released() -> None:
+    assert names_of(a_way(behavior=[0.0, 1.0, 1.0]), "collided") == ["follow"]
+
+
+def test_phases_may_have_others_between_them_but_not_another_order() -> None:
+    happened = ["turn", "approach", "follow", "release", "follow", "release", "reach"]
+    assert is_within(["turn", "follow", "reach"], happened)
+    assert is_within(["follow", "release", "follow"], happened)
+    assert not is_within(["release", "approach"], happened)
+    assert not is_within(["stall"], happened)
+
+
+def test_the_share_in_phases_counts_episodes(tmp_path: Path) -> None:
+    straight = a_record()
+    reading = reading_of(tmp_path, A=[straight, a_record("collided")])
+    found = value_of(reading, "share_in_phases", phases=["approach", "reach"], select={"label": "A"})
+    assert (found.value, found.n) == (0.5, 2)

@@ -1,0 +1,442 @@
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from stored import LIMIT_S, a_cell, a_record, store
+
+from navbench.claims import Measured
+from navbench.comparison import fair_comparison
+from navbench.controllers.sflc import RULES, Sflc
+from navbench.description import DescriptionError
+from navbench.figures import PALETTE, styles, thinned
+from navbench.markup import escape, latex, markdown, number, save_table
+from navbench.provenance import sources
+from navbench.reading import Reading
+from navbench.reports import write_report
+from navbench.sections import SECTIONS, check_section, write_section
+from navbench.store import Results
+from navbench.study_tables import Told, findings, outcomes_table, printed_table
+
+WORLDS = {"Fig 1": "plain", "Fig 2": "other"}
+FASTER = {"name": "share_better", "metric": "time_s", "select": {"label": "F"}, "than": {"label": "PID"}}
+CLAIM = {
+    "id": "time-f",
+    "statement": "F's time, 100 % & more_or_less",
+    "where": "Table 1",
+    "printed": 10.0,
+    "unit": "s",
+    "measure": {"name": "median", "metric": "time_s", "select": {"name": "printed", "label": "F", "world": "plain"}},
+    "tolerance": {"relative": 0.05},
+    "evidence": "free",
+}
+REPORT: list[dict[str, Any]] = [
+    {"name": "findings", "sentences": [{"say": "quicker in {a:count}, {a:percent}", "with": {"a": FASTER}}]},
+    {"name": "claims", "groups": {"times": ["time-"]}},
+    {
+        "name": "printed_table",
+        "file": "table_1",
+        "metric": "time_s",
+        "select": {"name": "printed"},
+        "worlds": WORLDS,
+        "printed": {"F": [10.0, 20.0], "PID": [12.5, None]},
+    },
+    {"name": "outcomes_table", "file": "outcomes", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
+    {
+        "name": "trajectories",
+        "file": "ways",
+        "caption": "Ways.",
+        "select": {"name": "printed"},
+        "panels": WORLDS,
+        "labels": ["F", "PID"],
+    },
+    {
+        "name": "velocities",
+        "file": "speeds",
+        "caption": "Speeds.",
+        "select": {"name": "printed"},
+        "panels": WORLDS,
+        "labels": ["F"],
+    },
+    {"name": "phases", "file": "phases", "caption": "Phases.", "select": {"name": "printed", "label": "F"}},
+    {
+        "name": "memberships",
+        "file": "sets",
+        "caption": "Sets.",
+        "table": "sflc-memberships",
+        "axes": {"heading_error": {"title": "error [rad]", "low": -1.0, "high": 1.0}},
+    },
+    {"name": "rules", "file": "rules", "table": "sflc-rules"},
+    {"name": "surface", "file": "surface", "caption": "Surface.", "table": "sflc-surface"},
+    {
+        "name": "tuners_compared",
+        "file": "tuners",
+        "caption": "Tuners.",
+        "tunings": {"pso": "PID", "fa": "F", "de": "P"},
+    },
+    {
+        "name": "fair_comparison",
+        "file": "fair",
+        "select": {"name": "fair"},
+        "worlds": WORLDS,
+        "reference": "F",
+        "speeds_mps": {"PID": 0.15, "P": 0.2},
+        "level": ["F"],
+    },
+    {"name": "sources", "file": "sources"},
+    {"name": "errata", "items": [{"where": "eq. 1", "printed": "a | b", "here": "c"}]},
+]
+STUDY = {
+    "name": "smoke",
+    "title": "A smoke study",
+    "summary": "It is small.",
+    "claims": [CLAIM, {**CLAIM, "id": "other", "printed": 99.0, "evidence": "fitted"}],
+    "report": [{"title": f"The {spec['name']}", **spec} for spec in REPORT],
+}
+
+
+def smoke(path: Path) -> Reading:
+    """Return a small study with everything that the sections ask for."""
+    rng = np.random.default_rng(3)
+    cells = []
+    for world in WORLDS.values():
+        cells.append((a_cell("F", world), [a_record(time_s=10.0)]))
+        cells += [
+            (a_cell("PID", world, tuning="pso", seed=seed, kp=9.0 + seed), [a_record(time_s=12.0 + seed)])
+            for seed in (0, 1)
+        ]
+        for label in ("F", "PID", "P"):
+            records = [
+                a_record("collided" if label != "F" and i % 4 == 0 else "reached", float(rng.uniform(9.0, 15.0)))
+                for i in range(8)
+            ]
+            cells.append((a_cell(label, world, "fair"), records))
+    costs = {(name, seed): rng.uniform(1.0, 2.0, 6).tolist() for name in ("pso", "fa", "de") for seed in range(3)}
+    descriptions = {
+        "sflc-memberships": {
+            "variable": ["heading_error"] * 3,
+            "term": ["Z"] * 3,
+            "x": [-0.5, 0.0, 0.5],
+            "degree": [0.0, 1.0, 0.0],
+        },
+        "sflc-rules": {"heading_error": ["Z"], "speed": ["L"], "turn": ["Z"]},
+        "sflc-surface": {"phi_rad": [-1.0, 0.0, 1.0], "v_mps": [0.1, 0.2, 0.1], "w_radps": [-1.0, 0.0, 1.0]},
+    }
+    return store(path, cells, STUDY, costs, descriptions)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Reading:
+    return smoke(tmp_path_factory.mktemp("smoke"))
+
+
+@pytest.fixture(scope="module")
+def written(stored: Reading, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("report")
+    write_report([stored.results], out)
+    return out
+
+
+def bytes_of(out: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(out)): file.read_bytes() for file in sorted(out.rglob("*")) if file.is_file()}
+
+
+def test_the_smoke_study_has_every_section() -> None:
+    assert [spec["name"] for spec in REPORT] == list(SECTIONS)
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_every_section_runs_and_links_only_to_what_it_wrote(name: str, stored: Reading, tmp_path: Path) -> None:
+    (spec,) = [spec for spec in STUDY["report"] if spec["name"] == name]  # type: ignore[attr-defined]
+    check_section("report", spec)
+    text = write_section(stored, tmp_path, spec)
+    assert text.startswith(f"## The {name}\n\n")
+    linked = set(re.findall(r"\]\(([^)]+)\)", text))
+    assert all((tmp_path / link).is_file() for link in linked)
+    assert linked == set(bytes_of(tmp_path))
+
+
+def test_a_report_lists_its_files_and_holds_title_summary_and_making(stored: Reading, tmp_path: Path) -> None:
+    files = write_report([stored.results], tmp_path)
+    assert sorted(str(file.relative_to(tmp_path)) for file in files) == sorted(bytes_of(tmp_path))
+    text = (tmp_path / "report.md").read_text()
+    assert text.startswith("# A smoke study\n\nIt is small.\n\n## The findings")
+    assert "`navbench study smoke`" in text
+    assert "seeds 0 to 2" in text
+    assert not re.search(r"/tmp|/home", text)
+
+
+def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, written: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
+        "from pathlib import Path\n"
+        "from navbench.reports import write_report\n"
+        "from navbench.store import Results\n"
+        "write_report([Results(Path(sys.argv[1]))], Path(sys.argv[2]))\n"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "12345", "TZ": "Asia/Tokyo"}
+    path = stored.results.path
+    subprocess.run([sys.executable, "-c", code, str(path), str(tmp_path)], check=True, env=environment)
+    assert bytes_of(tmp_path) == bytes_of(written)
+
+
+def test_reading_loads_no_slow_library_before_it_is_needed() -> None:
+    code = (
+        "import sys, navbench.reports\n"
+        "print([n for n in ('pandas', 'matplotlib', 'scipy.stats', 'tabulate', 'pybullet') if n in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert run.stdout.strip() == "[]"
+
+
+def test_claims_are_written_as_a_table_of_their_own(written: Path) -> None:
+    table = pd.read_csv(written / "claims.csv")
+    assert table["verdict"].tolist() == ["reproduced", "not_reproduced"]
+    counts = pd.read_csv(written / "tables/verdicts.csv").set_index("claims")
+    assert counts.loc["times"].tolist() == [1, 0, 0, 0]
+    assert counts.loc["all claims"].tolist() == [1, 0, 1, 0]
+    assert counts.loc["of these, evidence fitted"].tolist() == [0, 0, 1, 0]
+    assert r"100 \% \& more\_or\_less" in (written / "tables/claims.tex").read_text()
+
+
+def test_the_small_manifest_has_hashes_and_no_configurations_or_times(written: Path) -> None:
+    manifest = json.loads((written / "manifest.json").read_text())
+    assert "configuration" not in manifest["cells"][0]
+    assert manifest["cells"][0]["config_hash"]
+    assert not {"began", "ended"} & set(manifest)
+    assert manifest["tunings"][0]["budget"] == 4
+
+
+def test_a_printed_table_never_averages_a_failure(tmp_path: Path) -> None:
+    cells = [
+        (a_cell("F", seed=0), [a_record("collided", 0.5, 0.1)]),
+        (a_cell("F", seed=1), [a_record(time_s=10.0)]),
+        (a_cell("F", seed=2), [a_record(time_s=12.0)]),
+        (a_cell("PID"), [a_record("timed_out", LIMIT_S)]),
+    ]
+    text = printed_table(
+        store(tmp_path / "in", cells),
+        tmp_path,
+        file="t",
+        metric="time_s",
+        select={"name": "printed"},
+        worlds={"Fig 1": "plain"},
+        printed={"F": [22.0], "PID": [5.0]},
+    )
+    assert "| F | 22 | 11.00 [10.00, 12.00] (2 of 3 reached) | 0.50 |" in text
+    assert "| PID | 5 | – (0 of 1 reached) | – |" in text
+    table = pd.read_csv(tmp_path / "tables/t.csv")
+    assert table["median"][0] == 11.0
+    assert math.isnan(table["median"][1])
+    assert table["reached"].tolist() == [2, 0]
+
+
+def test_outcomes_count_failures_and_take_medians_of_the_reached(tmp_path: Path) -> None:
+    records = [
+        a_record(time_s=10.0),
+        a_record("collided", 1.0, 0.1),
+        a_record("timed_out", 60.0),
+        a_record(time_s=20.0),
+    ]
+    text = outcomes_table(
+        store(tmp_path / "in", [(a_cell("F"), records)]),
+        tmp_path,
+        file="o",
+        cells={"F": {"label": "F"}},
+        worlds={"plain": "plain"},
+    )
+    assert "| F | 2 of 4 (1 collided, 1 timed out) | 15.00 | 3.000 |" in text
+
+
+def test_dying_early_never_looks_fast_in_the_comparison(tmp_path: Path) -> None:
+    slow = [a_record(time_s=30.0 + i) for i in range(8)]
+    dying = [a_record("collided", 0.5, 0.1)] * 7 + [a_record(time_s=5.0)]
+    reading = store(tmp_path / "in", [(a_cell("F"), slow), (a_cell("D"), dying)])
+    fair_comparison(
+        reading, tmp_path, file="fair", select={"name": "printed"}, worlds={"plain": "plain"}, reference="F"
+    )
+    row = pd.read_csv(tmp_path / "tables/fair_plain.csv").set_index("label").loc["D"]
+    assert row["time_s"] == pytest.approx((7 * LIMIT_S + 5.0) / 8)
+    assert row["time_difference_s"] > 0.0
+    assert (row["wins"], row["losses"], row["ties"]) == (1, 7, 0)
+    assert row["reached_difference"] == pytest.approx(-7 / 8)
+    assert row["shorter_n"] == 1
+
+
+def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: Reading, tmp_path: Path) -> None:
+    sources(stored, tmp_path, file="s")
+    rows = pd.read_csv(tmp_path / "tables/s.csv").fillna("").to_dict("records")
+    found = {(row["part"], row["parameter"], row["source"]): row for row in rows}
+    assert len(found) == len(rows)
+    assert found["world", "boxes", "fitted"]["name"] == "other, plain"
+    assert found["controller", "build.kp", "public"]["value"] == "5.0"
+    assert "pso" in found["controller", "build.kp", "tuned"]["why"]
+    assert found["controller", "build.gain", "assumed"]["range"] == "[0.5, 2.0]"
+    assert ("tuner", "build.n", "–") in found
+
+
+@pytest.mark.parametrize(
+    ("form", "expected"),
+    [
+        (".1f", "0.2"),
+        ("percent", "25 %"),
+        ("count", "2 of 8"),
+        ("range +.2f", "+0.25 [+0.10, +0.50]"),
+    ],
+)
+def test_a_measured_figure_is_told_in_several_forms(form: str, expected: str) -> None:
+    assert format(Told(Measured(0.25, 0.1, 0.5, 8)), form) == expected
+    assert format(Told(None), form) == "no case"
+
+
+@pytest.mark.parametrize("say", ["{b:count}", "{a:furlongs}", "{a"])
+def test_a_sentence_that_cannot_be_told_is_refused(say: str, stored: Reading, tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match=r"sentences\[0\]\.say"):
+        findings(stored, tmp_path, sentences=[{"say": say, "with": {"a": FASTER}}])
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ({"name": "plot", "title": "a"}, ["report[0].name='plot'", "printed_table"]),
+        ({"name": "errata", "title": "a", "items": [], "colour": 1}, ["report[0].colour", "title, text, items"]),
+        ({"name": "errata", "title": "a"}, ["report[0].items: missing"]),
+        ({"name": "errata", "items": []}, ["report[0].title: missing"]),
+    ],
+)
+def test_an_unknown_section_or_argument_is_refused_by_name(spec: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(DescriptionError) as error:
+        check_section("report[0]", spec)
+    assert all(word in str(error.value) for word in words)
+
+
+def test_an_argument_with_a_default_may_be_left_out() -> None:
+    check_section(
+        "report[0]",
+        {"name": "trajectories", "title": "a", "file": "f", "caption": "c", "select": {}}
+        | {"panels": {}, "labels": []},
+    )
+
+
+def test_a_missing_description_is_named(stored: Reading, tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match=r"'zhao-surface'.*sflc-surface"):
+        SECTIONS["surface"](stored, tmp_path, file="s", caption="c", table="zhao-surface")
+
+
+def test_runs_without_a_study_get_a_table_and_their_trajectories(tmp_path: Path) -> None:
+    runs = []
+    for label in ("F", "G"):
+        records = [a_record(time_s=10.0), a_record("collided", 1.0, 0.1)]
+        runs.append(store(tmp_path / label, [(a_cell(label, name="run"), records)]).results)
+    files = write_report(runs, tmp_path / "out")
+    text = (tmp_path / "out/report.md").read_text()
+    assert "1 of 2" in text
+    assert "## Failures" in text
+    assert sorted(str(file.relative_to(tmp_path / "out")) for file in files) == [
+        "figures/trajectories_1.png",
+        "figures/trajectories_1.svg",
+        "report.md",
+        "tables/summary.csv",
+    ]
+    assert pd.read_csv(tmp_path / "out/tables/summary.csv")["time_s"].tolist() == [10.0, 10.0]
+
+
+def test_several_reports_stand_in_folders_and_are_linked(stored: Reading, tmp_path: Path) -> None:
+    run = store(tmp_path / "run", [(a_cell("F", name="run"), [a_record()])]).results
+    files = write_report([stored.results, run], tmp_path / "out")
+    assert tmp_path / "out/smoke/report.md" in files
+    assert "(smoke/report.md)" in (tmp_path / "out/report.md").read_text()
+
+
+def test_what_holds_no_results_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match="no results here"):
+        write_report([Results(tmp_path)], tmp_path / "out")
+
+
+def test_latex_escapes_what_it_would_read_as_commands() -> None:
+    assert escape(r"a_b & 5 % of $x #1 {c} ~ ^ \d ± 1") == (
+        r"a\_b \& 5 \% of \$x \#1 \{c\} \textasciitilde{} \textasciicircum{} \textbackslash{}d $\pm$ 1"
+    )
+
+
+def test_a_latex_table_has_booktabs_rules_and_common_headings() -> None:
+    text = latex(["", "a_1", "b"], [["x & y", "1", "[2, 3]"], ["[z]", "–", "4"]], {"Fig 1": 2})
+    assert text == (
+        "\\begin{tabular}{lrr}\n\\toprule\n"
+        " & \\multicolumn{2}{c}{Fig 1} \\\\\n\\cmidrule(lr){2-3}\n"
+        " & a\\_1 & b \\\\\n\\midrule\n"
+        "x \\& y & 1 & {}[2, 3] \\\\\n{}[z] & -- & 4 \\\\\n\\bottomrule\n\\end{tabular}\n"
+    )
+
+
+def test_a_markdown_table_escapes_bars_and_aligns_numbers() -> None:
+    assert markdown(["", "n"], [["a|b", "1"]]) == "|  | n |\n| --- | ---: |\n| a\\|b | 1 |\n"
+
+
+def test_a_saved_table_has_the_raw_numbers_beside_the_printed_words(tmp_path: Path) -> None:
+    text = save_table(tmp_path, "t", pd.DataFrame({"x": [1.23456789]}), ["", "x"], [["a", "1.23"]], {"Fig 1": 1})
+    assert (tmp_path / "tables/t.csv").read_text() == "x\n1.23456789\n"
+    assert "Fig 1: x" in text
+    assert not list(tmp_path.rglob("*.tmp"))
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"), [(1.005, "1.00"), (-0.001, "0.00"), (math.nan, "–"), (math.inf, "inf"), (-math.inf, "-inf")]
+)
+def test_numbers_are_printed_without_a_negative_zero(value: float, expected: str) -> None:
+    assert number(value, 2) == expected
+
+
+def test_the_first_label_keeps_its_colour_to_itself() -> None:
+    found = styles([f"label {i}" for i in range(20)])
+    assert found["label 0"].color == PALETTE[0]
+    assert all(style.color != PALETTE[0] for label, style in found.items() if label != "label 0")
+    assert len({style.color for style in list(found.values())[: len(PALETTE)]}) == len(PALETTE)
+
+
+def test_a_thinned_line_keeps_its_ends_and_its_shape() -> None:
+    angle = np.linspace(0.0, math.pi, 500)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    few = thinned(circle, 0.001)
+    assert len(few) < 80
+    assert (few[[0, -1]] == circle[[0, -1]]).all()
+    away = np.interp(angle, np.arctan2(few[:, 1], few[:, 0]), np.hypot(*few.T))
+    assert np.abs(away - 1.0).max() < 0.002
+    assert len(thinned(np.column_stack([angle, 2.0 * angle]), 1e-9)) == 2
+    assert len(thinned(circle[:1], 0.1)) == 1
+
+
+@pytest.fixture(scope="module")
+def described() -> dict[str, dict[str, list[Any]]]:
+    from test_aouf2019_controllers import make
+
+    controller: Sflc = make("sflc")
+    return controller.describe()
+
+
+def test_the_described_rules_are_those_of_table_2(described: dict[str, dict[str, list[Any]]]) -> None:
+    assert list(zip(*described["rules"].values(), strict=True)) == list(RULES)
+
+
+def test_the_described_sets_rise_to_one_and_cover_the_input(described: dict[str, dict[str, list[Any]]]) -> None:
+    table = pd.DataFrame(described["memberships"])
+    assert table.groupby(["variable", "term"])["degree"].max().eq(1.0).all()
+    assert table.groupby("variable")["term"].nunique().to_dict() == {"heading_error": 11, "speed": 4, "turn": 11}
+    assert table[table["variable"] == "heading_error"]["x"].abs().max() == pytest.approx(math.pi)
+
+
+def test_the_described_surface_is_odd_in_w_and_even_in_v(described: dict[str, dict[str, list[Any]]]) -> None:
+    surface = pd.DataFrame(described["surface"])
+    assert surface["w_radps"].to_numpy() == pytest.approx(-surface["w_radps"].to_numpy()[::-1], abs=1e-12)
+    assert surface["v_mps"].to_numpy() == pytest.approx(surface["v_mps"].to_numpy()[::-1], abs=1e-12)
+    at_18 = surface.iloc[(surface["phi_rad"] - math.radians(18.0)).abs().argmin()]
+    assert at_18["w_radps"] == pytest.approx(1.2, abs=1e-3)
+    assert at_18["v_mps"] == pytest.approx(0.1111, abs=1e-3)

@@ -1,0 +1,163 @@
+"""Studies: what was finished is not run again, whatever killed the rest, and wrong studies are refused in one line."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from navbench.description import DescriptionError
+from navbench.store import Results
+from navbench.studies import run_study
+from navbench.study_configuration import compose_study
+
+NAVBENCH = str(Path(sys.executable).with_name("navbench"))
+KILLS = 4
+
+
+def parts_of(path: Path) -> dict[str, bytes]:
+    """Return what must not hang on how often a study was stopped: every part but the latencies, and the report."""
+    kinds = ("episodes", "trajectories", "evaluations", "descriptions")
+    files = [file for kind in kinds for file in sorted((path / "outputs/study/smoke" / kind).glob("*.parquet"))]
+    files += [file for file in sorted((path / "results/smoke").rglob("*")) if file.is_file() and file.suffix != ".json"]
+    return {str(file.relative_to(path)): file.read_bytes() for file in files}
+
+
+def study(folder: Path, *words: str) -> subprocess.Popen[str]:
+    command = [NAVBENCH, "study", "smoke", *words]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, cwd=folder, text=True, stdout=pipe, stderr=pipe, start_new_session=True)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The study, run without a stop in two worker processes."""
+    folder = tmp_path_factory.mktemp("finished")
+    run = study(folder, "workers=2")
+    out, err = run.communicate()
+    assert run.returncode == 0, err
+    assert "results/smoke/report.md" in out
+    return folder
+
+
+def test_a_study_is_the_same_with_one_worker_and_with_two(finished: Path, tmp_path: Path) -> None:
+    run = study(tmp_path, "workers=1")
+    _, err = run.communicate()
+    assert run.returncode == 0, err
+    assert parts_of(tmp_path) == parts_of(finished)
+
+
+def test_a_study_that_is_killed_again_and_again_ends_the_same(finished: Path, tmp_path: Path) -> None:
+    chance = random.Random(0)
+    for kill in range(KILLS):
+        run = study(tmp_path, "workers=2")
+        time.sleep(chance.uniform(0.5, 6.0))
+        victims = [run.pid] if kill % 2 == 0 else _workers_of(run.pid) or [run.pid]
+        os.kill(chance.choice(victims), signal.SIGKILL)
+        if kill % 2 == 0:
+            run.wait()
+            os.killpg(run.pid, signal.SIGKILL) if _alive(run.pid) else None
+        else:
+            run.communicate()
+    run = study(tmp_path, "workers=2")
+    _, err = run.communicate()
+    assert run.returncode == 0, err
+    assert parts_of(tmp_path) == parts_of(finished)
+
+
+def _workers_of(pid: int) -> list[int]:
+    """Return the worker processes of a driver that are alive."""
+    found = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    return [int(line.split()[0]) for line in found.stdout.splitlines() if "popen_loky_posix" in line]
+
+
+def _alive(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_an_interrupt_ends_a_study_and_says_how_to_go_on(tmp_path: Path) -> None:
+    run = study(tmp_path, "workers=2")
+    while not list((tmp_path / "outputs").rglob("manifest.json")):
+        time.sleep(0.05)
+        assert run.poll() is None
+    time.sleep(1.0)
+    run.send_signal(signal.SIGINT)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "Traceback" not in err
+    assert "`navbench study smoke` goes on from there" in err
+
+
+def test_finished_parts_are_not_run_again_and_foreign_ones_are_removed(finished: Path, tmp_path: Path) -> None:
+    chosen = compose_study("smoke")
+    path = tmp_path / "study"
+    os.symlink(finished / "outputs/study/smoke/episodes", tmp_path / "unused")
+    results = run_study(chosen, path, 1, "local")
+    before = {file: file.stat().st_mtime_ns for file in path.glob("episodes/*.parquet")}
+    stray = path / "episodes" / "part-0123456789abcdef-000000-000024.parquet"
+    stray.write_bytes(b"of another configuration")
+    told: list[tuple[str, int, int]] = []
+    run_study(chosen, path, 1, "local", lambda *words: told.append(words))
+    assert told == []
+    assert not stray.exists()
+    assert {file: file.stat().st_mtime_ns for file in path.glob("episodes/*.parquet")} == before
+    assert len(results.episodes()) == 2 * (1 + 2) + 120
+
+
+def test_a_tuned_cell_takes_the_best_parameters_of_its_own_tuning(finished: Path) -> None:
+    results = Results(finished / "outputs/study/smoke")
+    manifest = results.manifest()
+    evaluations = results.evaluations()
+    tuned = [cell for cell in manifest["cells"] if cell["tuning"]]
+    assert len(tuned) == 4
+    for cell in tuned:
+        rows = evaluations[evaluations["seed"] == cell["tuning_seed"]]
+        best = rows.loc[rows["cost"].idxmin()]
+        build = cell["configuration"]["controller"]["build"]
+        assert {name: build[name] for name in ("kp", "ki", "kd")} == dict(best[["kp", "ki", "kd"]])
+
+
+def test_every_evaluation_of_a_tuning_is_kept(finished: Path) -> None:
+    evaluations = Results(finished / "outputs/study/smoke").evaluations()
+    assert evaluations.groupby("seed")["evaluation"].apply(list).tolist() == [list(range(12))] * 2
+    assert (evaluations["reached"] <= evaluations["robots"]).all()
+    assert isinstance(evaluations, pd.DataFrame)
+
+
+WRONG = {
+    "claims[0].measure.name": ("measure: {name: share_reached", "measure: {name: share_of_luck"),
+    "cells[1].tuning=magic": (
+        "tuning: random, overrides: [controller=pid",
+        "tuning: magic, overrides: [controller=pid",
+    ),
+    "budget=5: must be at least 10": ("budget=12", "budget=5"),
+    "report[0].name": ("{name: claims, title", "{name: horoscope, title"),
+    "tolerance": ("{absolute: 0.05}", "{absolute: 0.05, relative: 0.1}"),
+    "controller.tunable.kp.high": ("tuner=random,", "tuner=random, controller.tunable.kp.high=-1.0,"),
+    "controller.tunable.kq|controller.build.kq": (
+        "tuner=random,",
+        'tuner=random, "+controller.tunable.kq={low: 0.0, high: 1.0, scale: linear}",',
+    ),
+}
+
+
+@pytest.mark.parametrize("message", list(WRONG))
+def test_a_wrong_study_is_refused_in_one_line(message: str, tmp_path: Path) -> None:
+    there, wrong = WRONG[message]
+    text = (Path(__file__).parents[1] / "conf/study/smoke.yaml").read_text()
+    assert there in text
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/wrong.yaml").write_text(text.replace(there, wrong))
+    with pytest.raises(DescriptionError) as refused:
+        compose_study("wrong", str(tmp_path))
+    assert any(words in str(refused.value) for words in message.split("|"))
+    assert "\n" not in str(refused.value)
