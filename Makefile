@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: run test lint format clean clean-cache
+.PHONY: run test lint format clean clean-cache tuned results
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
@@ -36,3 +36,13 @@ clean:
 
 clean-cache: ## drop compiled functions: a cache notices changes of its own file only
 	find navbench controllers -name '*.nb[ic]' -delete
+
+tuned: $(STAMP) ## tune the PIDs of aouf2019 again, seed 0, and write them into conf/controller
+	for tuner in pso abc fa; do \
+	  $(BIN)/navbench tune controller=pid tuner=$$tuner objective=ise world=no_deadlock budget=210 seed=0 \
+	    workers=1 hydra.run.dir=outputs/tuned/$$tuner && \
+	  cp outputs/tuned/$$tuner/conf/controller/$${tuner}_pid.yaml conf/controller/ || exit 1; \
+	done
+
+results: $(STAMP) ## run every study again and write its report into results
+	$(BIN)/navbench study aouf2019

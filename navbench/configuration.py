@@ -74,7 +74,7 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
     values: dict[str, Any] = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[assignment]
     _check_run(values, OmegaConf.get_type(config))
     names = Names(*(str(choices[name]) for name in Names._fields))
-    sources = {name: _take(_mapping(values[name], name), "sources") for name in Names._fields}
+    sources = {name: latest_sources(_take(_mapping(values[name], name), "sources")) for name in Names._fields}
     native = _native(values["controller"])
     _take(values["controller"], "tunable")  # bounds for a tuning, which reads them for itself
     _check_keys(values["controller"], "controller", ("build", "native", "sources"))
@@ -145,6 +145,15 @@ def _check_steps(world: World, robot: Robot, native: Native | None) -> None:
             f"world.time_limit_s={world.time_limit_s}: must be at most {STEPS_MAX} steps of {step_s:.3g} s here: "
             f"control period {period:.3g} s, speeds to {fastest:.3g} m/s, radius {robot.radius_m:.3g} m"
         )
+
+
+def latest_sources(sources: Mapping[str, Any]) -> dict[str, Any]:
+    """Return each parameter's source: where a tuned controller inherits from another one, how it was tuned."""
+    latest = ("tuned", "seed")
+    return {
+        key: {kind: source[kind] for kind in latest if kind in source} if "tuned" in source else source
+        for key, source in sources.items()
+    }
 
 
 def _mapping(values: Any, key: str) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def test_an_order_must_hold_strictly_from_label_to_label(tmp_path: Path) -> None
     ]
     reading = store(tmp_path, cells)
     found = value_of(reading, "share_ordered", metric="time_s", labels=["A", "B", "C"], select={"name": "printed"})
-    assert (found.value, found.n) == (pytest.approx(1 / 3), 3)
+    assert (found.value, found.n) == pytest.approx((1 / 3, 3))
 
 
 def test_an_order_with_a_label_that_never_arrived_is_nothing(tmp_path: Path) -> None:
@@ -140,7 +140,7 @@ def test_tunings_are_summed_up_over_their_seeds(tmp_path: Path) -> None:
     reading = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)
     assert value_of(reading, "least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
     found = value_of(reading, "share_at_bound", parameter="kp", tunings=["pso", "fa"])  # the best kp: 4, 10, 10
-    assert (found.value, found.n) == (pytest.approx(2 / 3), 3)
+    assert (found.value, found.n) == pytest.approx((2 / 3, 3))
 
 
 def test_a_selection_that_matches_nothing_is_an_error(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ REPORT: list[dict[str, Any]] = [
     {"name": "sources", "file": "sources"},
     {"name": "errata", "items": [{"where": "eq. 1", "printed": "a | b", "here": "c"}]},
 ]
-STUDY = {
+STUDY: dict[str, Any] = {
     "name": "smoke",
     "title": "A smoke study",
     "summary": "It is small.",
@@ -119,7 +119,7 @@ def smoke(path: Path) -> Reading:
             ]
             cells.append((a_cell(label, world, "fair"), records))
     costs = {(name, seed): rng.uniform(1.0, 2.0, 6).tolist() for name in ("pso", "fa", "de") for seed in range(3)}
-    descriptions = {
+    descriptions: dict[str, dict[str, Any]] = {
         "sflc-memberships": {
             "variable": ["heading_error"] * 3,
             "term": ["Z"] * 3,
@@ -154,7 +154,7 @@ def test_the_smoke_study_has_every_section() -> None:
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_every_section_runs_and_links_only_to_what_it_wrote(name: str, stored: Reading, tmp_path: Path) -> None:
-    (spec,) = [spec for spec in STUDY["report"] if spec["name"] == name]  # type: ignore[attr-defined]
+    (spec,) = [spec for spec in STUDY["report"] if spec["name"] == name]
     check_section("report", spec)
     text = write_section(stored, tmp_path, spec)
     assert text.startswith(f"## The {name}\n\n")
@@ -200,10 +200,10 @@ def test_reading_loads_no_slow_library_before_it_is_needed() -> None:
 def test_claims_are_written_as_a_table_of_their_own(written: Path) -> None:
     table = pd.read_csv(written / "claims.csv")
     assert table["verdict"].tolist() == ["reproduced", "not_reproduced"]
-    counts = pd.read_csv(written / "tables/verdicts.csv").set_index("claims")
-    assert counts.loc["times"].tolist() == [1, 0, 0, 0]
-    assert counts.loc["all claims"].tolist() == [1, 0, 1, 0]
-    assert counts.loc["of these, evidence fitted"].tolist() == [0, 0, 1, 0]
+    counts = pd.read_csv(written / "tables/verdicts.csv").to_numpy().tolist()
+    assert ["times", 1, 0, 0, 0] in counts
+    assert ["all claims", 1, 0, 1, 0] in counts
+    assert ["of these, evidence fitted", 0, 0, 1, 0] in counts
     assert r"100 \% \& more\_or\_less" in (written / "tables/claims.tex").read_text()
 
 
@@ -273,7 +273,7 @@ def test_dying_early_never_looks_fast_in_the_comparison(tmp_path: Path) -> None:
 
 def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: Reading, tmp_path: Path) -> None:
     sources(stored, tmp_path, file="s")
-    rows = pd.read_csv(tmp_path / "tables/s.csv").fillna("").to_dict("records")
+    rows = pd.read_csv(tmp_path / "tables/s.csv", keep_default_na=False, dtype=str).to_dict("records")
     found = {(row["part"], row["parameter"], row["source"]): row for row in rows}
     assert len(found) == len(rows)
     assert found["world", "boxes", "fitted"]["name"] == "other, plain"

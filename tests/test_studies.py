@@ -161,3 +161,64 @@ def test_a_wrong_study_is_refused_in_one_line(message: str, tmp_path: Path) -> N
         compose_study("wrong", str(tmp_path))
     assert any(words in str(refused.value) for words in message.split("|"))
     assert "\n" not in str(refused.value)
+
+
+def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path) -> None:
+    command = [NAVBENCH, "tune", "controller=pid", "tuner=pso", "objective=ise", "world=no_deadlock", "workers=1"]
+    done = subprocess.run([*command, "hydra.run.dir=tuned"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    committed = Path(__file__).parents[1] / "conf/controller/pso_pid.yaml"
+    assert (tmp_path / "tuned/conf/controller/pso_pid.yaml").read_text() == committed.read_text()
+    assert (tmp_path / "tuned/convergence.png").stat().st_size > 1000
+    evaluations = Results(tmp_path / "tuned").evaluations()
+    assert len(evaluations) == 210
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["budget=5"], "budget=5: must be at least 10"),
+        (["controller.tunable.kp.low=20.0"], "controller.tunable.kp.high=10.0: must be greater than low=20.0"),
+        (["controller.tunable.kp.low=nan"], "controller.tunable.kp.low=nan: must be a finite number"),
+        (["+controller.tunable.kq={low: 0.0, high: 1.0, scale: linear}"], "controller.build.kq: there is no such"),
+        (["controller=go_to_goal"], "controller.tunable: missing"),
+        (["tuner=magic"], "tuner=magic: unknown choice"),
+        (
+            ["objective.weights.heading_ise=-1.0"],
+            "objective.weights.heading_ise=-1.0: must be greater than or equal to 0",
+        ),
+        (["+objective.weights.luck=1.0"], "weights: must name at least one of path_length_m"),
+        (["tuner.build.n=0"], "n=0"),
+        (["worlds=[atlantis]"], "world=atlantis: unknown choice"),
+        (["sflc"], "sflc: unknown word"),
+        (["--fast"], "--fast: unknown flag"),
+    ],
+)
+def test_a_wrong_tuning_is_refused_in_one_line(words: list[str], message: str, tmp_path: Path) -> None:
+    command = [NAVBENCH, "tune", "controller=pid", "tuner=pso", *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2, done.stderr
+    assert message in done.stderr
+    assert done.stderr.startswith("navbench: ")
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_cost_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "blind.py").write_text(
+        "class Blind:\n"
+        "    trace = {'heading_error_rad': float('nan')}\n"
+        "    def __init__(self, gain: float): pass\n"
+        "    def reset(self, setup, rng): pass\n"
+        "    def act(self, observation): return (0.1, 0.0)\n"
+    )
+    (tmp_path / "conf/controller").mkdir(parents=True)
+    (tmp_path / "conf/controller/blind.yaml").write_text(
+        "# Sees nothing\nbuild: {_target_: blind.Blind, gain: 1.0}\n"
+        "tunable: {gain: {low: 0.1, high: 1.0, scale: log}}\n"
+    )
+    words = ["--config-dir", "conf", "controller=blind", "tuner=random", "workers=1", "world.time_limit_s=1.0"]
+    done = subprocess.run([NAVBENCH, "tune", *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "navbench: cost of evaluation 0=nan: must be finite" in done.stderr
+    assert "Traceback" not in done.stderr
