@@ -52,12 +52,17 @@ CONFIG_DIR = ("--config-dir", "-cd")
 
 def main() -> None:
     """Run the command line and exit: 0 when all ran, 2 for wrong input, 130 when interrupted."""
+    for descriptor in (0, 1, 2):
+        try:
+            os.fstat(descriptor)
+        except OSError:  # closed by >&-: the next file opened would get its number, and what is printed
+            os.open(os.devnull, os.O_RDWR)
     try:
         code = _verb(sys.argv[1:])
         print(end="", flush=True)
-    except BrokenPipeError:  # the reader of a pipe, such as head, has seen enough
+    except OSError as error:  # of the output: the reader of a pipe, such as head, has seen enough, or a disk is full
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python writes what is left when it ends
-        code = 0
+        code = 0 if isinstance(error, BrokenPipeError) else _complain(f"the output: {error.strerror}")
     except KeyboardInterrupt:
         code = _interrupted()
     sys.exit(code)
@@ -121,8 +126,6 @@ def _run(arguments: list[str]) -> int:
     if not _is_word(arguments[0]) and not arguments[0].startswith("-"):
         return _complain(f"{arguments[0]}: unknown verb; allowed: {', '.join(VERBS)}, or keys of a run as key=value")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises instead of printing its own message
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
     import hydra
 
     from navbench import schema
@@ -142,6 +145,8 @@ def _run(arguments: list[str]) -> int:
             _complain(f"{_cell_of_a_sweep()}{one_line(error)}")
 
     try:
+        if os.getcwd() not in sys.path:
+            sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
         _check_arguments(arguments)
         sys.argv[1:] = sorted(arguments, key=_is_word)  # argparse stumbles over flags between words
         with warnings.catch_warnings():

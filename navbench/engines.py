@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any, Generic, NamedTuple, TypeVar
 
 Batch = TypeVar("Batch")
@@ -79,13 +79,14 @@ def _until_a_death(
 
     from joblib.externals.loky import get_reusable_executor
 
-    executor = get_reusable_executor(max_workers=workers)  # its processes are kept for the next call
+    with _starting_processes():
+        executor = get_reusable_executor(max_workers=workers)  # its processes are kept for the next call
     under_way: dict[Any, int] = {}
     try:
         while todo or under_way:
             while todo and len(under_way) < workers:
                 index = todo.pop(0)
-                with nullcontext() if under_way else _deaf():  # the first starts the processes
+                with _starting_processes():
                     under_way[executor.submit(work.do, batches[index])] = index
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
             for future in done:
@@ -107,7 +108,7 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
 
     executor = ProcessPoolExecutor(max_workers=1)
     try:
-        with _deaf():
+        with _starting_processes():
             future = executor.submit(work.do, piece)
         result: Result = future.result()
         return result
@@ -118,19 +119,27 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach, so that they say nothing of it: this process ends them.
-
-    It does not reach this process either for the few hundredths of a second that this takes.
-    """
-    if threading.current_thread() is not threading.main_thread():  # where Python does not let signals be set
+def _starting_processes() -> Iterator[None]:
+    """Hold Ctrl-C back for a moment: loky's threads would be left half made, and the processes would answer it too."""
+    if threading.current_thread() is not threading.main_thread():  # where Python does not let handlers be set
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process inherits what its parent ignores
+    import multiprocessing.resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker
+
+    resource_tracker.ensure_running()  # started inside, either would let Ctrl-C through
+    multiprocessing.resource_tracker.ensure_running()
+    held: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits, for good
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+        if held:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _broken() -> type[BaseException]:

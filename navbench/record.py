@@ -101,6 +101,7 @@ class TuningKey(NamedTuple):
         seed: of the tuner and of the evaluations.
         budget: how many evaluations.
         configuration: as resolved, of plain values.
+        sources: where the tuner's and the objective's parameters come from.
     """
 
     name: str
@@ -113,3 +114,4 @@ class TuningKey(NamedTuple):
     seed: int
     budget: int
     configuration: Mapping[str, Any]
+    sources: Mapping[str, Any]

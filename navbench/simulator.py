@@ -94,6 +94,8 @@ class Simulator:
             self._client = pybullet.connect(pybullet.GUI if options.gui else pybullet.DIRECT)
         if self._client < 0:
             raise RuntimeError("PyBullet could not be started; simulator.gui=true needs a display")
+        if options.gui:
+            self._look_from_above()
         self._names: dict[int, str] = {}
         for i, box in enumerate(world.solids()):
             kind = f"box {i}" if i < len(world.boxes) else f"wall {i - len(world.boxes)}"
@@ -117,7 +119,8 @@ class Simulator:
     def close(self) -> None:
         """Disconnect from PyBullet."""
         if pybullet.isConnected(self._client):
-            pybullet.disconnect(self._client)
+            with _silent(1):
+                pybullet.disconnect(self._client)
 
     def reset(self, starts: Sequence[Pose]) -> None:
         """Begin an episode with one robot at each start."""
@@ -348,6 +351,15 @@ class Simulator:
         )
         self._names[body] = name
         return body
+
+    def _look_from_above(self) -> None:
+        """Turn the window's camera to the whole world, and hide the window's own panels."""
+        b, s = self.world.bounds, self._scale
+        centre = (0.5 * (b.x_min_m + b.x_max_m) * s, 0.5 * (b.y_min_m + b.y_max_m) * s, 0.0)
+        size = max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m) * s
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._client)
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_SHADOWS, 0, physicsClientId=self._client)
+        pybullet.resetDebugVisualizerCamera(size, 0.0, -89.9, centre, physicsClientId=self._client)
 
     def _show(self, dt_s: float) -> None:
         """Show the present poses and wait, so that the window runs in real time."""

@@ -220,8 +220,8 @@ def tuning_of(config: DictConfig, choices: Mapping[str, Any], composed: Compose)
         dimensions = tuple(Dimension(name, **bounds) for name, bounds in tunable.items())
     except ValueError as error:
         raise DescriptionError(f"controller.tunable.{error}") from None
-    values["objective"].pop("sources", None)
-    build = {key: value for key, value in values["tuner"].items() if key != "sources"}
+    sources = {part: values[part].pop("sources", {}) for part in ("tuner", "objective")}
+    build = values["tuner"]
     try:
         tuner = instantiate(build.get("build"), _convert_="all")
     except Exception as error:  # whatever a tuner says of its parameters
@@ -237,6 +237,7 @@ def tuning_of(config: DictConfig, choices: Mapping[str, Any], composed: Compose)
         budget=values["budget"],
         seed=values["seed"],
         configuration={"tuner": build, "objective": values["objective"], "tunable": tunable},
+        sources=sources,
     )
 
 

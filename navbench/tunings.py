@@ -67,6 +67,7 @@ class Tuning:
         budget: how many evaluations.
         seed: of the tuner, and with an evaluation's index, of that evaluation's episodes.
         configuration: tuner, objective and bounds as plain values, for the manifest.
+        sources: where the tuner's and the objective's parameters come from.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Tuning:
     budget: int
     seed: int
     configuration: Mapping[str, Any]
+    sources: Mapping[str, Any]
 
     def __post_init__(self) -> None:
         """Check that the parameters exist and are numbers, and that the budget suffices.
@@ -111,6 +113,7 @@ class Tuning:
             self.seed,
             self.budget,
             {**self.configuration, "cells": [dict(cell.configuration) for cell in cells]},
+            self.sources,
         )
 
 

@@ -1,5 +1,6 @@
 """Studies: what was finished is not run again, whatever killed the rest, and wrong studies are refused in one line."""
 
+import json
 import os
 import random
 import signal
@@ -222,3 +223,21 @@ def test_a_cost_that_is_no_number_is_refused(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "navbench: cost of evaluation 0=nan: must be finite" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_committed_results_are_those_of_the_study_as_it_stands() -> None:
+    manifest = json.loads((Path(__file__).parents[1] / "results/aouf2019/manifest.json").read_text())
+    chosen = compose_study("aouf2019")
+    planned = {
+        (p.name, p.label, p.cell.key().config_hash, p.cell.seed, p.cell.episodes) for p in chosen.cells if not p.tuning
+    }
+    kept = [cell for cell in manifest["cells"] if not cell["tuning"]]
+    assert {
+        tuple(cell[key] for key in ("name", "label", "config_hash", "seed", "episodes")) for cell in kept
+    } == planned
+    tunings = {(tuning.key().tuning_id, tuning.key().config_hash) for tuning in chosen.tunings}
+    assert {(tuning["tuning_id"], tuning["config_hash"]) for tuning in manifest["tunings"]} == tunings
+    tuned = [cell for cell in manifest["cells"] if cell["tuning"]]
+    assert {(cell["name"], cell["label"], cell["world"]) for cell in tuned} == {
+        (p.name, p.label, p.cell.names.world) for p in chosen.cells if p.tuning
+    }
