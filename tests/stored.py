@@ -67,7 +67,7 @@ def a_tuning(name: str, seed: int) -> TuningKey:
         "objective": {"weights": {"heading_ise": 1.0}},
         "tunable": {"kp": {"low": 0.0, "high": 10.0, "scale": "linear"}},
     }
-    return TuningKey(name, name, "ise", "pid", ("plain",), "0", f"{name}-{seed}", seed, 4, configuration)
+    return TuningKey(name, name, "ise", "pid", ("plain",), "0", f"{name}-{seed}", seed, 4, configuration, {})
 
 
 def store(
