@@ -130,8 +130,11 @@ def _run(arguments: list[str]) -> int:
 
     from navbench import schema
     from navbench.errors import CONFIGURATION_ERRORS, one_line
+    from navbench.sweeps import MADE, Made, discard_made
 
     schema.register()
+    made: list[Made] = []
+    MADE.set(made)
     ran: list[Ran] = []
     failed: list[Exception] = []
 
@@ -162,6 +165,8 @@ def _run(arguments: list[str]) -> int:
         if error in failed:
             raise
         return _complain(one_line(error))  # Hydra composes with errors of many kinds
+    finally:
+        discard_made(made)
     return 2 if failed else 0
 
 
@@ -180,11 +185,14 @@ def _check_arguments(arguments: list[str]) -> None:
     """Check what Hydra would pass over or report as a slip in the program."""
     from navbench.catalogue import check_folder
     from navbench.configuration import check_words
+    from navbench.description import DescriptionError
 
     check_words(arguments)
     for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
         name, _, value = word.partition("=")
-        if name in CONFIG_DIR and (value or following):
+        if name in CONFIG_DIR:
+            if not (value or following):
+                raise DescriptionError(f"{word}: needs a folder")
             check_folder(Path(value or following))
 
 

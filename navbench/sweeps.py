@@ -1,15 +1,14 @@
 """A sweep's joined table; and the directories that a run or a sweep must not leave behind."""
 
 import os
-import weakref
 from collections.abc import Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
-from navbench.figures import save_trajectories
 from navbench.store import Results, discard_empty, existing, write_table
 from navbench.tables import failures, summarize, to_markdown, to_text
 
@@ -27,6 +26,8 @@ def join(runs: Sequence[Results], path: Path) -> None:
         path: the sweep's directory.
     """
     import pandas as pd
+
+    from navbench.figures import save_trajectories
 
     episodes = pd.concat([run.episodes() for run in runs], ignore_index=True)
     episodes = episodes.drop_duplicates(["run_id", "episode", "robot_index"], ignore_index=True)  # of equal cells
@@ -63,32 +64,42 @@ def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
         yield key, str(value)
 
 
-class Tidy(Callback):
-    """Removes the directories that Hydra made for a run or a sweep and that hold no results, when it is over."""
+class Made(NamedTuple):
+    """A directory that Hydra makes, and the nearest one above it that was there before."""
 
-    def on_run_start(self, config: DictConfig, **_: Any) -> None:
-        """Remember what was there before."""
-        self._remember(config, "run")
-
-    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
-        """Remember what was there before, and the sweep's own directory."""
-        self._remember(config, "sweep")
-        self._folders.append(Path(config.hydra.sweep.dir).absolute())
-
-    def on_job_start(self, config: DictConfig, **_: Any) -> None:
-        """Remember the directory of a cell."""
-        self._folders.insert(0, Path(config.hydra.runtime.output_dir))
-
-    def _remember(self, config: DictConfig, kind: str) -> None:
-        self._folders: list[Path] = []
-        written = OmegaConf.to_container(config.hydra[kind], resolve=False)["dir"]  # type: ignore[index, call-overload]
-        there = existing(Path(str(written).split("${")[0]))
-        weakref.finalize(self, _discard, self._folders, there)  # Hydra tells its callbacks of no failure
+    folder: Path
+    there: Path
 
 
-def _discard(folders: Sequence[Path], there: Path) -> None:
-    """Remove the directories that hold nothing but what Hydra writes, and those above them."""
-    for folder in folders:
+MADE: ContextVar[list[Made]] = ContextVar("MADE")  # set by the command line, filled by Hydra's callback
+
+
+def discard_made(made: Sequence[Made]) -> None:
+    """Remove those that hold nothing but what Hydra writes, and those above them."""
+    for folder, there in made:
         if folder.is_dir() and folder != there and os.listdir(folder) == ["multirun.yaml"]:
             (folder / "multirun.yaml").unlink()
         discard_empty(folder, there)
+
+
+class Remember(Callback):
+    """Remembers the directories that Hydra makes for a run or a sweep, before it makes them."""
+
+    def on_run_start(self, config: DictConfig, **_: Any) -> None:
+        """Note what was there before a run."""
+        self._there = _fixed_part(config.hydra.run)
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        """Note what was there before a sweep, and the sweep's own directory."""
+        self._there = _fixed_part(config.hydra.sweep)
+        MADE.get().append(Made(Path(config.hydra.sweep.dir).absolute(), self._there))
+
+    def on_job_start(self, config: DictConfig, **_: Any) -> None:
+        """Note the directory of a cell, before that of its sweep."""
+        MADE.get().insert(0, Made(Path(config.hydra.runtime.output_dir), self._there))
+
+
+def _fixed_part(node: DictConfig) -> Path:
+    """Return the nearest directory that is there of what stands before the first ``${`` of a node's ``dir``."""
+    written = OmegaConf.to_container(node, resolve=False)["dir"]  # type: ignore[index, call-overload]
+    return existing(Path(str(written).split("${")[0]))
