@@ -64,11 +64,15 @@ class _Pilot:
             self.trace_names = names = tuple(trace)
             self._packed = struct.Struct(f"{len(names)}d").pack
             self._in_order = itemgetter(*names) if len(names) > 1 else lambda one: tuple(one[name] for name in names)
-        if len(trace) != len(self.trace_names) or any(name not in trace for name in self.trace_names):
+        try:
+            values = self._in_order(trace) if len(trace) == len(self.trace_names) else None
+        except KeyError:
+            values = None
+        if values is None:
             raise ValueError(
                 f"the trace must have the same names at every step: {', '.join(self.trace_names) or 'none'}"
             )
-        self.traces.append(self._packed(*self._in_order(trace)))
+        self.traces.append(self._packed(*values))
 
 
 class EpisodeRunner:
