@@ -7,6 +7,7 @@ only the piece that kills is lost, and the rest of the work goes on.
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -80,7 +81,9 @@ def _until_a_death(
     from joblib.externals.loky import get_reusable_executor
 
     with _starting_processes():
-        executor = get_reusable_executor(max_workers=workers)  # its processes are kept for the next call
+        executor = get_reusable_executor(  # its processes are kept for the next call
+            max_workers=workers, initializer=_die_with, initargs=(os.getpid(),)
+        )
     under_way: dict[Any, int] = {}
     try:
         while todo or under_way:
@@ -106,7 +109,7 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
     """Do one piece in a process of its own."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    executor = ProcessPoolExecutor(max_workers=1)
+    executor = ProcessPoolExecutor(max_workers=1, initializer=_die_with, initargs=(os.getpid(),))
     try:
         with _starting_processes():
             future = executor.submit(work.do, piece)
@@ -116,6 +119,17 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
         return work.lost(piece)
     finally:
         executor.shutdown(wait=True, kill_workers=True)
+
+
+def _die_with(driver: int) -> None:
+    """End this worker soon after its driver was killed: nobody would read what it has to say, and it would wait."""
+
+    def watch() -> None:
+        while os.getppid() == driver:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

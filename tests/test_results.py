@@ -115,7 +115,7 @@ def test_the_csv_repeats_too(once: Results, cell: Cell, tmp_path: Path) -> None:
 
 def test_another_seed_gives_other_episodes(once: Results, tmp_path: Path) -> None:
     other = run_cells([compose_cell(*WORDS, "seed=1")], tmp_path, workers=1)
-    for name in ("time_s", "path_length_m", "heading_ise"):
+    for name in ("path_length_m", "min_clearance_m", "heading_ise"):
         assert not np.intersect1d(once.episodes()[name], other.episodes()[name]).size, name
     assert not set(parts_of(tmp_path).values()) & set(parts_of(once.path).values())
 
@@ -320,20 +320,20 @@ def test_a_run_that_breaks_later_keeps_what_was_finished(
 
 @pytest.mark.parametrize("victim", ["a worker", "the run"])
 def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str) -> None:
-    command = [NAVBENCH, *WORDS, "episodes=1000", "workers=2", f"hydra.run.dir={tmp_path}"]
+    command = [NAVBENCH, *WORDS, "episodes=300", "workers=2", f"hydra.run.dir={tmp_path}"]
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     while run.poll() is None and not list(tmp_path.glob("episodes/part-*")):
         time.sleep(0.02)
     found = subprocess.run(
-        ["ps", "-o", "pid=,args=", "--ppid", str(run.pid)], capture_output=True, text=True, check=False
+        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(run.pid)], capture_output=True, text=True, check=False
     )
     workers = [int(line.split()[0]) for line in found.stdout.splitlines() if "popen_loky_posix" in line]
     assert workers
     os.kill(workers[0] if victim == "a worker" else run.pid, signal.SIGKILL)
-    _, err = run.communicate(timeout=60.0)
+    _, err = run.communicate(timeout=60.0)  # which waits for the workers too, for they hold the pipe
     if victim == "a worker":
         assert run.returncode == 0, err
-        assert list(Results(tmp_path).episodes()["episode"]) == list(range(1000))
+        assert list(Results(tmp_path).episodes()["episode"]) == list(range(300))
     for kind in ("episodes", "trajectories", "latency"):
         for part in (tmp_path / kind).glob("part-*"):
             pq.read_table(part)

@@ -1,0 +1,573 @@
+"""The command line: what it prints and writes; and what is wrong is one line, exit code 2, and nothing left behind."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+import pytest
+
+import navbench
+from navbench import cli
+from navbench.catalogue import CONF, files_of
+from navbench.description import DescriptionError
+
+NAVBENCH = str(Path(sys.executable).with_name("navbench"))
+GO = ("controller=go_to_goal", "world=empty")
+
+MINE = """
+import math
+
+class Mine:
+    def __init__(self, gain):
+        self.gain = gain
+    def reset(self, setup, rng):
+        self.sensors = len(setup.sensors)
+    def act(self, seen):
+        bearing = math.atan2(seen.goal[1] - seen.pose.y_m, seen.goal[0] - seen.pose.x_m)
+        turn = math.remainder(bearing - seen.pose.heading_rad, math.tau)
+        return 0.15, self.gain * turn
+"""
+MINE_YAML = "# Towards the goal\nbuild: {_target_: mine.Mine, gain: 2.0}\n"
+WORLD_YAML = """# A square with nothing in it
+defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
+bounds: {x_min_m: -1, x_max_m: 1, y_min_m: -1, y_max_m: 1}
+starts: [{x_m: 0, y_m: 0}]
+goals: [{x_m: 0.5, y_m: 0}]
+goal_tolerance_m: 0.1
+time_limit_s: 30
+"""
+
+
+class Done(NamedTuple):
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Done]
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
+    """Runs the command line in this process, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "0")
+
+    def run(*words: str) -> Done:
+        sys.modules.pop("mine", None)
+        monkeypatch.setattr(sys, "argv", ["navbench", *words])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capfd.readouterr()
+        return Done(int(end.value.code or 0), out, err)
+
+    return run
+
+
+def in_a_process(folder: Path, *words: str) -> Done:
+    done = subprocess.run([NAVBENCH, *words], cwd=folder, capture_output=True, text=True, check=False)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+def files_in(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if "__pycache__" not in path.parts}
+
+
+def write(folder: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+def check_refused(done: Done, *said: str) -> None:
+    """A command was refused in one short line that says these things."""
+    assert done.code == 2, done
+    assert done.out == ""
+    assert re.fullmatch(r"navbench: [^\n]{1,410}\n", done.err), done.err
+    for part in said:
+        assert part in done.err
+
+
+# What is wrong with a run
+
+
+WRONG = [
+    # choices
+    (("controller=nope", "world=empty"), "controller=nope: unknown choice; allowed: ", "go_to_goal", "sflc"),
+    (("controller=sflc", "world=nope"), "world=nope: unknown choice; allowed: ", "deadlock, "),
+    ((*GO, "robot=nope"), "robot=nope: unknown choice; allowed: ", "khepera3"),
+    ((*GO, "robot@controller.native.robot=nope"), "robot=nope: unknown choice; allowed: ", "khepera3"),
+    ((*GO, "world=null"), "world=null: must be one name", "navbench list world"),
+    ((*GO, "world=[empty,corner]"), "world=[empty,corner]: must be one name"),
+    ((*GO, "robot=3"), "robot=3: must be one name"),
+    ((*GO, "seed=1,2"), "seed=1,2", "--multirun"),
+    # keys
+    ((*GO, "nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot, sensors, simulator, episodes"),
+    ((*GO, "+nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot"),
+    ((*GO, "world.time_limt_s=3"), "world.time_limt_s: unknown key; allowed here: bounds, ", "time_limit_s"),
+    ((*GO, "+world.time_limt_s=3"), "world.time_limt_s: unknown key; allowed here: bounds, ", "time_limit_s"),
+    ((*GO, "++world.name=other"), "world.name: unknown key; allowed here: bounds, "),
+    ((*GO, "world.bounds.x_mn_m=3"), "world.bounds.x_mn_m: unknown key; allowed here: x_min_m, x_max_m, "),
+    ((*GO, "world.boxes=[{foo: 3}]"), "world.boxes.foo: unknown key; allowed here: x_m, y_m, length_m"),
+    ((*GO, "controller.foo=3"), "controller.foo: unknown key; allowed here: "),
+    ((*GO, "+controller.native.foo=3"), "controller.native.foo: unknown key; allowed here: robot, period_s"),
+    ((*GO, "controller.build.sped_mps=1"), "controller.build.sped_mps: unknown key; allowed here: _target_, speed_mps"),
+    ((*GO, "+controller.build.sped_mps=1"), "controller.build.sped_mps: unknown key; allowed here: _target_, speed_m"),
+    ((*GO, "+controller.build._partial_=true"), "controller.build._partial_: unknown key"),
+    ((*GO, "sensors.mounts.0.foo=1"), "sensors.mounts[0].foo: unknown key; allowed here: role, x_m, "),
+    ((*GO, "sensors.tracker.range_m=1"), "sensors.tracker.range_m: ", "tracker={range_m: 1.0}"),
+    ((*GO, "~seed"), "seed: missing"),
+    ((*GO, "~world"), "world: missing"),
+    ((*GO, "~controller.build.speed_mps"), "controller.build.speed_mps: missing"),
+    ((*GO, "world.boxes=[{x_m: 0, y_m: 0, width_m: 1}]"), "world.boxes[0].length_m: missing"),
+    # types
+    ((*GO, "episodes=abc"), "episodes=abc: must be a whole number"),
+    ((*GO, "episodes=1.5"), "episodes=1.5: must be a whole number"),
+    ((*GO, "episodes=true"), "episodes=true: must be a whole number"),
+    ((*GO, "seed=null"), "seed=null: must not be null"),
+    ((*GO, "workers=[1]"), "workers=[1]: must be a whole number"),
+    ((*GO, "start_jitter_m=abc"), "start_jitter_m=abc: must be a number"),
+    ((*GO, "simulator.gui=maybe"), "simulator.gui=maybe: must be true or false"),
+    ((*GO, "simulator.drive=[limited]"), "simulator.drive=[limited]: must be a word"),
+    ((*GO, "world.bounds=[1,2]"), "world.bounds=[1,2]: must be a mapping"),
+    ((*GO, "world.boxes=hello"), "world.boxes=hello: must be a list"),
+    ((*GO, "world.boxes=[1]"), "world.boxes=[1]: must be a mapping"),
+    ((*GO, "sensors.mounts={a: 1}"), "sensors.mounts={a: 1}: must be a list"),
+    ((*GO, "controller.native=3"), "controller.native=3: must be a mapping"),
+    ((*GO, "controller.native.robot=null"), "controller.native.robot=None: must be a mapping"),
+    ((*GO, "controller.native.period_s=abc"), "controller.native.period_s='abc'", "number above 0"),
+    ((*GO, "controller.build.speed_mps=abc"), "controller.build.speed_mps='abc': must be a valid number"),
+    ((*GO, "controller.build.speed_mps=true"), "controller.build.speed_mps=True: must be a valid number"),
+    ((*GO, "controller.build.speed_mps=null"), "controller.build.speed_mps=None: must be a valid number"),
+    (("controller=sflc", "controller.build.turn_peaks_radps.NL=abc"), "build.turn_peaks_radps.NL='abc': must be a"),
+    # ranges
+    ((*GO, "episodes=0"), "episodes=0: must be from 1 to 1000000"),
+    ((*GO, "episodes=1000000000000"), "episodes=1000000000000: must be from 1 to 1000000"),
+    ((*GO, "seed=-1"), "seed=-1: must be from 0 to 9223372036854775807"),
+    ((*GO, "seed=9223372036854775808"), "seed=9223372036854775808: must be from 0 to 9223372036854775807"),
+    ((*GO, "workers=0"), "workers=0: must be at least 1"),
+    ((*GO, "start_jitter_m=nan"), "start_jitter_m=nan: must be finite and at least 0"),
+    ((*GO, "start_heading_jitter_rad=-0.1"), "start_heading_jitter_rad=-0.1: must be finite and at least 0"),
+    ((*GO, "start_heading_jitter_rad=inf"), "start_heading_jitter_rad=inf: must be finite"),
+    ((*GO, "robot.radius_m=nan"), "robot.radius_m=nan: must be a finite number"),
+    ((*GO, "robot.track_m=0"), "robot.track_m=0.0: must be greater than 0"),
+    ((*GO, "world.time_limit_s=1e400"), "world.time_limit_s=inf: must be a finite number"),
+    ((*GO, "robot.radius_m=1e-12"), "world.time_limit_s=60.0: must be at most 1000000 steps", "radius 1e-12 m"),
+    ((*GO, "controller.native.period_s=1e-9"), "must be at most 1000000 steps", "control period 1e-09 s"),
+    ((*GO, "controller.native.period_s=0"), "controller.native.period_s=0: must be a finite number above 0"),
+    ((*GO, "controller.build.speed_mps=nan"), "controller.build.speed_mps=nan: must be a finite number"),
+    ((*GO, "controller.build.speed_mps=-1"), "controller.build.speed_mps=-1: must be greater than 0"),
+    ((*GO, "simulator.drive=fly"), "simulator.drive='fly': must be 'ideal' or 'limited'"),
+    ((*GO, "simulator.motor_lag_s=-1"), "simulator.motor_lag_s=-1.0: must be greater than or equal to 0"),
+    ((*GO, "sensors.rays=0"), "sensors.rays=0: must be greater than or equal to 1"),
+    ((*GO, "sensors.dropout_probability=2"), "sensors.dropout_probability=2.0: must be less than or equal to 1"),
+    ((*GO, "sensors.tracker={range_m: -1}"), "sensors.tracker.range_m=-1: must be greater than 0"),
+    # what no single value shows
+    (("controller=sflc", "sensors=ring16"), "sensors=ring16: sflc needs the range sensors rear_left, "),
+    ((*GO, "world.starts=[{x_m: 1.48, y_m: 0}]"), "world.starts[0]: (1.48, 0.0) must lie further", "an obstacle"),
+    ((*GO, "world.starts=[{x_m: 0, y_m: 0}, {x_m: 0.05, y_m: 0}]", "world.goals=[{x_m: 1, y_m: 0}, {x_m: 0, y_m: 1}]"),
+     "world.starts[1]", "another start"),
+    ((*GO, "world.goals=[{x_m: 9, y_m: 0}]"), "goals[0]: (9.0, 0.0) must lie inside the bounds"),
+    ((*GO, "world.boxes=[{x_m: -1.2, y_m: -1.2, length_m: 0.1, width_m: 0.1}]"), "goals[0]", "outside every obstacle"),
+    ((*GO, "world.finish_line={x1_m: 0, y1_m: 0, x2_m: 0, y2_m: 0}"), "finish_line: its two ends"),
+    ((*GO, "world.movers=[{radius_m: 0.1, waypoints: [{x_m: 0, y_m: 0}], speeds_mps: [1]}]"), "world.movers[0]",
+     "at least 2"),
+    # classes
+    ((*GO, "controller.build._target_=nope.Nope"), "controller.build._target_=nope.Nope: cannot be imported", "'nope'"),
+    ((*GO, "controller.build._target_=null"), "controller.build._target_=None: must name a class"),
+    ((*GO, "controller.build._target_=math.pi"), "controller.build._target_=math.pi: must name a class"),
+    ((*GO, "controller.build._target_=builtins.dict"), "_target_=builtins.dict: must name a class with reset"),
+    # references
+    ((*GO, "seed=${nope}"), "seed: Interpolation key 'nope' not found"),
+    ((*GO, "robot.radius_m=${deg:abc}"), "robot.radius_m: TypeError", "must be real number, not str"),
+    # words
+    (("nonsense",), "nonsense: unknown verb; allowed: list", "key=value"),
+    ((*GO, "nonsense"), "nonsense: cannot be read; a word is key=value"),
+    ((*GO, "world.boxes=["), "world.boxes=[: cannot be read"),
+    ((*GO, "--config-dir", "nope"), "--config-dir=nope: there is no such folder"),
+    ((*GO, "--config-dir=nope"), "--config-dir=nope: there is no such folder"),
+    ((*GO, "--config-dir"), "--config-dir: needs a folder"),
+    ((*GO, "--config-name=nope"), "Cannot find primary config 'nope'"),
+    ((*GO, "--resolve"), "--resolve"),
+    ((*GO, "hydra.searchpath=[file:///nope]"), "path=/nope is not available"),
+    ((*GO, "hydra.run.dir=new/${nope}"), "hydra.run.dir", "'nope' not found"),
+    ((*GO, "hydra.run.dir=/proc/nope"), "/proc/nope: No such file"),
+    (("list", "nope"), "list nope: unknown group; there are controller, world, "),
+    (("list", "--config-dir", "nope"), "--config-dir=nope: there is no such folder"),
+    (("list", "--config-dir"), "--config-dir: needs a folder"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "said"), [(row[0], row[1:]) for row in WRONG], ids=[" ".join(row[0]) for row in WRONG]
+)
+def test_a_wrong_input_is_refused_in_one_line_and_leaves_nothing(
+    command: Command, tmp_path: Path, words: tuple[str, ...], said: tuple[str, ...]
+) -> None:
+    check_refused(command(*words), *said)
+    assert files_in(tmp_path) == set()
+
+
+@pytest.mark.parametrize("flag", ["--nope", "-x", "--workers=2", "--cfg=nope", "--cfg"])
+def test_a_wrong_flag_is_refused_with_the_usage(command: Command, tmp_path: Path, flag: str) -> None:
+    done = command(*GO, flag)
+    assert done.code == 2
+    assert done.err.startswith("usage: navbench")
+    assert files_in(tmp_path) == set()
+
+
+def test_a_window_without_a_display_is_refused(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    check_refused(command(*GO, "simulator.gui=true"), "simulator.gui=True: needs a display")
+
+
+def test_a_refused_run_leaves_no_directory_outside_the_working_one_either(
+    command: Command, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    outside = tmp_path_factory.mktemp("outside")
+    check_refused(command(*GO, "seed=-1", f"hydra.run.dir={outside}/one/two"), "seed=-1")
+    assert files_in(outside) == set()
+    assert outside.is_dir()
+
+
+# What is wrong with a user's folder
+
+
+WRONG_FILES = [
+    ("mine.yaml", "build: [\n", "conf/controller/mine.yaml, line 2"),
+    ("mine.yaml", "", "controller.build._target_: missing"),
+    ("mine.yaml", "- 1\n", "controller=[1]: must be a mapping"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nbild: 3\n", "controller.bild: unknown key; allowed here: b"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: .nan}\n", "controller.build.gain=nan: must be a finite number"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: [1, .inf]}\n", "controller.build.gain[1]=inf: must be a finite"),
+    ("mine.yaml", "build: {_target_: mine.Mine}\n", "controller.build.gain: missing"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: \"${nope}\"}\n", "controller.build.gain: Interpolation key"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nnative: {period_s: 1}\n", "controller.native.robot: missing"),
+    ("mine.yaml", "defaults: [/nope/x@_here_, _self_]\n", "controller/mine", "nope/x"),
+    ("mine.py", "import nope\n", "controller.build._target_=mine.Mine: cannot be imported", "'nope'"),
+    ("mine.py", "class Mine(:\n", "cannot be imported (SyntaxError: invalid syntax (mine.py, line 1))"),
+    ("mine.py", "1 / 0\n", "cannot be imported (ZeroDivisionError: division by zero)"),
+    ("mine.py", "def Mine(gain): return gain\n", "controller.build._target_=mine.Mine: must name a class with reset"),
+    ("mine.py", MINE.replace("self.gain = gain", "raise RuntimeError('no\\nluck')"),
+     "controller.build: RuntimeError: no luck"),
+    ("mine.py", MINE.replace("gain)", "gain: tuple[float, str])", 1), "controller.build.gain=2.0: must be a valid "),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text", "said"), [(row[0], row[1], row[2:]) for row in WRONG_FILES])
+def test_a_wrong_controller_of_a_user_is_refused_in_one_line(
+    command: Command, tmp_path: Path, name: str, text: str, said: tuple[str, ...]
+) -> None:
+    files = {"mine.py": MINE, "conf/controller/mine.yaml": MINE_YAML}
+    write(tmp_path, files | {("conf/controller/mine.yaml" if name == "mine.yaml" else name): text})
+    before = files_in(tmp_path)
+    check_refused(command("--config-dir", "conf", "controller=mine", "world=empty"), *said)
+    assert files_in(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "said"),
+    [
+        ("time_limit_s: 30", "time_limit_s: abc", "world/mine.yaml: world.time_limit_s: must be a number"),
+        ("time_limit_s: 30", "time_limit_s:", "world/mine.yaml: world.time_limit_s: must not be null"),
+        ("time_limit_s: 30", "time_limt_s: 30", "world/mine.yaml: world.time_limt_s: unknown key; allowed here: bound"),
+        ("time_limit_s: 30", "time_limit_s: .nan", "world.time_limit_s=nan: must be a finite number"),
+        ("starts: [{x_m: 0, y_m: 0}]", "starts: {x_m: 0, y_m: 0}", "world/mine.yaml: "),
+        ("goals: [{x_m: 0.5, y_m: 0}]", "goals: [{x_m: 0.5}]", "world.goals[0].y_m: missing"),
+    ],
+)
+def test_a_wrong_world_of_a_user_is_refused_in_one_line(
+    command: Command, tmp_path: Path, line: str, instead: str, said: str
+) -> None:
+    write(tmp_path, {"conf/world/mine.yaml": WORLD_YAML.replace(line, instead)})
+    before = files_in(tmp_path)
+    check_refused(command("controller=go_to_goal", "world=mine", "--config-dir", "conf"), said)
+    assert files_in(tmp_path) == before
+
+
+def test_a_users_file_does_not_hide_behind_one_of_the_same_name(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/world/empty.yaml": WORLD_YAML})
+    for words in ((*GO, "--config-dir", "conf"), ("list", "--config-dir=conf")):
+        check_refused(command(*words), "conf/world/empty.yaml: navbench has a world of that name; choose another one")
+
+
+# Results directories
+
+
+def test_a_directory_with_other_results_is_refused_and_kept(command: Command, tmp_path: Path) -> None:
+    assert command(*GO, "hydra.run.dir=kept").code == 0
+    before = {name: (tmp_path / name).read_bytes() for name in files_in(tmp_path) if (tmp_path / name).is_file()}
+    check_refused(command(*GO, "seed=1", "hydra.run.dir=kept"), "kept: holds the results of other work")
+    assert {name: (tmp_path / name).read_bytes() for name in before} == before
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("kept", "a file", "kept: File exists"),
+        ("kept/manifest.json", "{", "kept/manifest.json: is no manifest of navbench"),
+        ("kept/manifest.json", '{"schema_version": 99}', "schema_version=99, but this navbench reads "),
+        ("kept/episodes/part-0.parquet", "", "kept: holds parts without a manifest"),
+        ("kept/latency", "a file", "kept/latency: File exists"),
+    ],
+)
+def test_a_directory_that_cannot_be_written_to_is_refused_and_kept(
+    command: Command, tmp_path: Path, file: str, text: str, said: str
+) -> None:
+    write(tmp_path, {file: text})
+    before = files_in(tmp_path)
+    check_refused(command(*GO, "hydra.run.dir=kept"), said)
+    assert files_in(tmp_path) == before
+    assert (tmp_path / file).read_text() == text
+
+
+# What is printed and written
+
+
+def test_a_run_prints_its_table_and_says_where_the_results_are(command: Command, tmp_path: Path) -> None:
+    done = command("controller=sflc", "world=corner", "episodes=2", "start_jitter_m=0.01")
+    assert done.code == 0
+    assert done.err == ""
+    header, rule, row, *_, last = done.out.splitlines()
+    assert header.split()[:5] == ["controller", "world", "robot", "reached", "collisions"]
+    assert set(rule) == {"-", " "}
+    assert re.match(r"sflc +corner +khepera3 +2 of 2 +0 +", row)
+    folder = tmp_path / last.removeprefix("results: ")
+    assert re.fullmatch(r"results: outputs/\d{4}-\d\d-\d\d/\d\d-\d\d-\d\d-sflc-corner", last)
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"manifest.json", "episodes", "trajectories", "latency", "episodes.csv", "trajectory.png"}
+    assert (folder / "trajectory.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_names_the_robots_that_failed_and_how(command: Command) -> None:
+    done = command("controller=go_to_goal", "world=deadlock", "hydra.run.dir=here")
+    assert re.search(
+        r"^go_to_goal in deadlock, episode 0, robot 0: collided after \S+ s \(hit box 0\)$", done.out, re.M
+    )
+
+
+def test_a_sweep_ends_with_one_joined_table_printed_and_written(command: Command, tmp_path: Path) -> None:
+    done = command("-m", "controller=sflc,pid", "world=corner", "hydra.sweep.dir=sweep")
+    assert done.code == 0
+    assert done.err.splitlines() == ["0: sflc in corner: done", "1: pid in corner: done"]
+    assert [line.split()[0] for line in done.out.splitlines()[2:4]] == ["pid", "sflc"]
+    assert done.out.splitlines()[-1] == "results: sweep"
+    table = pd.read_csv(tmp_path / "sweep/table.csv")
+    assert list(table["controller"]) == ["pid", "sflc"]
+    assert list(table["reached"]) == ["1 of 1", "1 of 1"]
+    written = (tmp_path / "sweep/table.md").read_text().splitlines()
+    assert len(written) == 4
+    assert all(re.fullmatch(r"\|( [^|]+ \|)+|\|[-:|]+\|", line) for line in written)
+    assert {path.name for path in (tmp_path / "sweep").iterdir() if path.is_dir()} == {"0-sflc-corner", "1-pid-corner"}
+
+
+def test_a_sweep_tells_its_cells_apart_by_what_differs(command: Command, tmp_path: Path) -> None:
+    words = ("robot.wheel_speed_max_mps=0.2,0.3", "seed=1,2", "hydra.sweep.dir=sweep")
+    done = command("-m", "controller=go_to_goal", "world=corner", *words)
+    assert "robot.wheel_speed_max_mps" in done.out.splitlines()[0].split()
+    table = pd.read_csv(tmp_path / "sweep/table.csv")
+    cells = list(table[["robot.wheel_speed_max_mps", "seed"]].itertuples(index=False, name=None))
+    assert sorted(cells) == [(0.2, 1), (0.2, 2), (0.3, 1), (0.3, 2)]
+
+
+def test_equal_cells_of_a_sweep_are_one_row(command: Command, tmp_path: Path) -> None:
+    command("-m", *GO, "workers=1,2", "hydra.sweep.dir=sweep")
+    assert list(pd.read_csv(tmp_path / "sweep/table.csv")["reached"]) == ["1 of 1"]
+
+
+def test_a_sweep_with_a_wrong_cell_finishes_the_others_and_names_it(command: Command, tmp_path: Path) -> None:
+    done = command("controller=sflc,go_to_goal", "-m", "world=corner", "sensors=ring16", "hydra.sweep.dir=sweep")
+    assert done.code == 2
+    wrong, finished = done.err.splitlines()
+    assert wrong.startswith("navbench: cell 0: sensors=ring16: sflc needs the range sensors")
+    assert finished == "1: go_to_goal in corner: done"
+    assert re.match(r"go_to_goal +corner ", done.out.splitlines()[2])
+    assert {path.name for path in (tmp_path / "sweep").iterdir() if path.is_dir()} == {"1-go_to_goal-corner"}
+
+
+def test_a_sweep_of_wrong_cells_leaves_nothing(command: Command, tmp_path: Path) -> None:
+    done = command("-m", *GO, "world.time_limit_s=0,-1")
+    assert done.code == 2
+    assert done.out == ""
+    assert done.err.splitlines() == [
+        "navbench: cell 0: world.time_limit_s=0.0: must be greater than 0",
+        "navbench: cell 1: world.time_limit_s=-1.0: must be greater than 0",
+    ]
+    assert files_in(tmp_path) == set()
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("episodes=1,abc", "episodes=abc: must be a whole number"),
+        ("controller=sflc,nope", "controller=nope: unknown choice"),
+        ("nope=1,2", "nope: unknown key"),
+    ],
+)
+def test_a_sweep_that_cannot_be_composed_is_refused_before_anything_runs(
+    command: Command, tmp_path: Path, word: str, said: str
+) -> None:
+    check_refused(command("-m", "world=empty", word, "hydra.sweep.dir=new/sweep"), said)
+    assert files_in(tmp_path) == set()
+
+
+def test_list_names_what_there_is_a_line_each(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/world/mine.yaml": WORLD_YAML})
+    done = command("list", "robot", "world", "--config-dir", "conf")
+    lines = done.out.splitlines()
+    robots = files_of("robot", [CONF])
+    assert [line.split(maxsplit=1) for line in lines[1 : 1 + len(robots)]] == [[*item] for item in robots.items()]
+    assert [line for line in lines if not line.startswith("  ")] == ["robot", "world"]
+    assert re.search(r"^  mine +A square with nothing in it$", done.out, re.M)
+    assert command("list").out.startswith("controller\n")
+    assert "  _" not in command("list").out
+
+
+def test_the_configuration_can_be_printed_without_running(command: Command, tmp_path: Path) -> None:
+    done = command(*GO, "--cfg", "job", "--package", "robot")
+    assert done.code == 0
+    assert "radius_m: 0.065" in done.out
+    assert files_in(tmp_path) == set()
+
+
+@pytest.mark.parametrize("words", [(), ("-h",), ("--help",), ("help",)])
+def test_help_shows_every_verb_and_every_key_of_a_run(command: Command, words: tuple[str, ...]) -> None:
+    done = command(*words)
+    assert done.code == 0
+    for word in (*cli.VERBS, "controller=", "episodes=", "seed=", "start_jitter_m=", "workers=", "--config-dir", "-m"):
+        assert word in done.out
+
+
+def test_the_version_is_printed(command: Command) -> None:
+    assert command("--version").out == f"navbench {navbench.__version__}\n"
+
+
+# Your own controller
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """A user's folder with a controller of ten lines."""
+    write(tmp_path, {"mine.py": MINE, "conf/controller/mine.yaml": MINE_YAML})
+    return tmp_path
+
+
+def test_a_controller_of_plain_python_runs_from_a_folder_outside_the_project(own: Path) -> None:
+    done = in_a_process(own, "--config-dir", "conf", "controller=mine", "world=empty")
+    assert done.code == 0, done.err
+    assert re.search(r"^mine +empty +khepera3 +1 of 1 ", done.out, re.M)
+
+
+def test_a_controller_of_plain_python_reaches_worker_processes(own: Path) -> None:
+    words = ("workers=2", "episodes=30", "start_jitter_m=0.01", "start_heading_jitter_rad=0.1")
+    done = in_a_process(own, "-m", "--config-dir", "conf", "controller=mine,go_to_goal", "world=empty", *words)
+    assert done.code == 0, done.err
+    assert re.search(r"^mine +empty +khepera3 +30 of 30 ", done.out, re.M)
+    assert re.search(r"^go_to_goal +empty +khepera3 +\d+ of 30 ", done.out, re.M)
+
+
+def test_a_controller_of_plain_python_may_name_its_robot_and_its_sensors(command: Command, own: Path) -> None:
+    defaults = "[/robot@native.robot: khepera3, _self_, override /sensors@_global_.sensors: khepera3_ir]"
+    write(own, {"conf/controller/mine.yaml": f"defaults: {defaults}\n{MINE_YAML}native: {{period_s: 0.1}}\n"})
+    done = command("--config-dir", "conf", "controller=mine", "world=empty_100", "hydra.run.dir=here")
+    assert re.search(r"^mine +empty_100 +disc4 +1 of 1 ", done.out, re.M)
+    cell = pd.read_json(own / "here/manifest.json", typ="series")["cells"][0]
+    assert cell["sensors"] == "khepera3_ir"
+    assert cell["configuration"]["controller"]["native"]["period_s"] == 0.1
+
+
+def test_a_list_in_a_file_may_stand_for_a_tuple(command: Command, own: Path) -> None:
+    code = MINE.replace("gain)", "gain: tuple[float, float])", 1).replace("self.gain *", "self.gain[0] *")
+    write(own, {"mine.py": code, "conf/controller/mine.yaml": "build: {_target_: mine.Mine, gain: [2, 3.0]}\n"})
+    done = command("--config-dir", "conf", "controller=mine", "world=corner")
+    assert done.code == 0, done.err
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "reason"),
+    [
+        ("return 0.15, self.gain * turn", "raise KeyError('lost')", "KeyError: 'lost'"),
+        ("return 0.15, self.gain * turn", "return float('nan'), 0.0", "ValueError: the command must be finite"),
+        ("return 0.15, self.gain * turn", "return 0.15", "TypeError: "),
+        ("self.sensors = len(setup.sensors)", "1 / 0", "ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_controller_that_fails_is_a_row_with_its_reason(
+    command: Command, own: Path, line: str, instead: str, reason: str
+) -> None:
+    write(own, {"mine.py": MINE.replace(line, instead)})
+    done = command("--config-dir", "conf", "controller=mine", "world=corner", "hydra.run.dir=here")
+    assert done.code == 0
+    assert done.err == ""
+    row = pd.read_csv(own / "here/episodes.csv").iloc[0]
+    assert row["outcome"] == "controller_error"
+    assert row["reason"].startswith(reason)
+    assert f"robot 0: controller_error after 0.00 s ({reason}" in done.out
+
+
+# The Python interface
+
+
+def test_the_python_interface_takes_the_words_of_the_command_line(tmp_path: Path) -> None:
+    table = navbench.run("controller=sflc", "world=corner", "episodes=2", "workers=1", path=tmp_path / "here")
+    assert list(table["outcome"]) == ["reached", "reached"]
+    assert (tmp_path / "here/manifest.json").is_file()
+
+
+@pytest.mark.parametrize("words", [("world=nope",), ("nope=3",), ("world=null",), ("seed=${nope}",), ("seed=-1",)])
+def test_the_python_interface_refuses_with_a_value_error_that_is_one_line(words: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match=words[0].split("=")[0]) as refusal:
+        navbench.run(*words)
+    assert isinstance(refusal.value, DescriptionError)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_the_python_interface_refuses_a_folder_that_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match="nope: there is no such folder"):
+        navbench.run(config_dir=str(tmp_path / "nope"))
+
+
+# Processes
+
+
+def test_ctrl_c_ends_a_run_quickly_and_keeps_what_was_finished(tmp_path: Path) -> None:
+    words = ("controller=go_to_goal", "world=empty_100", "episodes=100000", "workers=2", "hydra.run.dir=here")
+    pipe = subprocess.PIPE
+    run = subprocess.Popen(
+        [NAVBENCH, *words], cwd=tmp_path, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+    )
+    while run.poll() is None and not list(tmp_path.glob("here/episodes/part-*")):
+        time.sleep(0.05)
+    os.killpg(run.pid, signal.SIGINT)
+    out, err = run.communicate(timeout=20.0)
+    assert run.returncode == 130
+    assert (out, err) == ("", "navbench: interrupted; what was finished is kept\n")
+    kept = pd.concat([pd.read_parquet(part) for part in tmp_path.glob("here/episodes/part-*")])
+    assert len(kept) % 25 == 0
+    assert not [name for name in files_in(tmp_path) if name.endswith(".tmp")]
+
+
+@pytest.mark.parametrize("redirection", ["| true", ">&-"])
+def test_an_output_that_nobody_reads_is_no_error(tmp_path: Path, redirection: str) -> None:
+    line = f"set -o pipefail; {NAVBENCH} controller=sflc world=corner hydra.run.dir=here {redirection}"
+    done = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "here/trajectory.png").is_file()
+
+
+def test_a_full_output_is_one_line(tmp_path: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    done = subprocess.run(f"{NAVBENCH} list > /dev/full", shell=True, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "navbench: the output: No space left on device\n")
