@@ -18,7 +18,7 @@ from navbench.studies import run_study
 from navbench.study_configuration import compose_study
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
-KILLS = int(os.environ.get("NAVBENCH_KILLS", "4"))  # more of them for a closer look
+KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look
 
 
 def parts_of(path: Path) -> dict[str, bytes]:
