@@ -151,7 +151,7 @@ def _run(arguments: list[str]) -> int:
         if os.getcwd() not in sys.path:
             sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
         _check_arguments(arguments)
-        sys.argv[1:] = sorted(arguments, key=_is_word)  # argparse stumbles over flags between words
+        sys.argv[1:] = sorted(arguments, key=_is_word, reverse=True)  # argparse stumbles over flags between words
         with warnings.catch_warnings():
             warnings.filterwarnings("error", category=UserWarning, module=r"hydra\.")  # a folder that is missing
             hydra.main(config_path="pkg://navbench.conf", config_name="run", version_base="1.3")(task)()

@@ -152,7 +152,7 @@ def latest_sources(sources: Mapping[str, Any]) -> dict[str, Any]:
     latest = ("tuned", "seed")
     return {
         key: {kind: source[kind] for kind in latest if kind in source} if "tuned" in source else source
-        for key, source in sources.items()
+        for key, source in ((key, _mapping(source, f"sources.{key}")) for key, source in sources.items())
     }
 
 

@@ -144,6 +144,7 @@ WRONG = [
     ((*GO, "world.boxes=[1]"), "world.boxes=[1]: must be a mapping"),
     ((*GO, "sensors.mounts={a: 1}"), "sensors.mounts={a: 1}: must be a list"),
     ((*GO, "controller.native=3"), "controller.native=3: must be a mapping"),
+    ((*GO, "robot.sources={radius_m: 3}"), "sources.radius_m=3: must be a mapping"),
     ((*GO, "controller.native.robot=null"), "controller.native.robot=None: must be a mapping"),
     ((*GO, "controller.native.period_s=abc"), "controller.native.period_s='abc'", "number above 0"),
     ((*GO, "controller.build.speed_mps=abc"), "controller.build.speed_mps='abc': must be a valid number"),
@@ -420,6 +421,14 @@ def test_a_sweep_that_cannot_be_composed_is_refused_before_anything_runs(
 ) -> None:
     check_refused(command("-m", "world=empty", word, "hydra.sweep.dir=new/sweep"), said)
     assert files_in(tmp_path) == set()
+
+
+@pytest.mark.parametrize("flags", [("--cfg=job",), ("-c", "job"), ("--cfg", "job", "--info")])
+def test_flags_may_stand_anywhere(command: Command, flags: tuple[str, ...]) -> None:
+    for words in ((*flags, *GO, "seed=7"), (GO[0], *flags, GO[1], "seed=7"), (*GO, "seed=7", *flags)):
+        done = command(*words)
+        assert done.code == 0, done.err
+        assert "seed: 7" in done.out
 
 
 def test_list_names_what_there_is_a_line_each(command: Command, tmp_path: Path) -> None:

@@ -1,0 +1,76 @@
+"""Engines: what finishes is yielded, what kills its process costs itself alone."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from navbench.cells import EPISODES
+from navbench.configuration import compose_cell
+from navbench.engines import Work, run
+
+KILLER = 13
+
+
+def double(batch: list[int]) -> list[int]:
+    """Double some numbers; one of them kills the process that does it."""
+    if KILLER in batch:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return [2 * number for number in batch]
+
+
+def _pieces(batch: list[int]) -> list[list[int]]:
+    return [[number] for number in batch]
+
+
+def _lost(batch: list[int]) -> list[int]:
+    return [-number for number in batch]
+
+
+def _join(parts: list[list[int]]) -> list[int]:
+    return [number for part in parts for number in part]
+
+
+DOUBLE: Work[list[int], list[int]] = Work(double, _pieces, _lost, _join)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_batch_is_done_once(workers: int) -> None:
+    batches = [[1, 2], [3], [4, 5, 6]]
+    assert sorted(run(DOUBLE, batches, workers=workers)) == [(0, [2, 4]), (1, [6]), (2, [8, 10, 12])]
+
+
+def test_only_the_piece_that_kills_its_process_is_lost() -> None:
+    batches = [[1, 2], [3, KILLER, 4], [5], [6]]
+    done = sorted(run(DOUBLE, batches, workers=2))
+    assert done == [(0, [2, 4]), (1, [6, -KILLER, 8]), (2, [10]), (3, [12])]
+
+
+def test_an_unknown_engine_is_refused() -> None:
+    with pytest.raises(ValueError, match="engine=cloud: there is no such engine; allowed: local"):
+        list(run(DOUBLE, [[1]], engine="cloud"))
+
+
+def test_an_episode_that_kills_its_process_is_a_row_with_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "suicidal.py").write_text(
+        "import os, signal\n"
+        "class Suicidal:\n"
+        "    def reset(self, setup, rng): self.doomed = rng.random() < 0.1\n"
+        "    def act(self, observation):\n"
+        "        if self.doomed: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "        return (0.1, 0.0)\n"
+    )
+    (tmp_path / "conf/controller").mkdir(parents=True)
+    (tmp_path / "conf/controller/suicidal.yaml").write_text("# Dies\nbuild: {_target_: suicidal.Suicidal}\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    words = ("controller=suicidal", "world=empty", "episodes=27", "world.time_limit_s=0.1")
+    cell = compose_cell(*words, config_dir=str(tmp_path / "conf"))
+    records = {episode: record for _, batch in run(EPISODES, cell.batches(), workers=2) for episode, record in batch}
+    died = {episode for episode, record in records.items() if record.outcome == "controller_error"}
+    assert sorted(records) == list(range(27))
+    assert 0 < len(died) < 10
+    assert {records[episode].reason for episode in died} == {"the controller's process died"}
+    assert {records[episode].outcome for episode in set(records) - died} == {"timed_out"}
