@@ -45,9 +45,14 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
         raise DescriptionError(f"controller.build._target_={build['_target_']}: {CLASS}")
     needed = getattr(controller, "sensor_roles", None)
     offered = tuple(mount.role for mount in sensors.mounts)
+    if needed is not None and not (isinstance(needed, list | tuple) and all(isinstance(role, str) for role in needed)):
+        raise DescriptionError(
+            f"controller.build._target_={build['_target_']}: its sensor_roles must be a tuple of names"
+        )
     if needed is not None and tuple(needed) != offered:
         raise DescriptionError(
-            f"sensors={names.sensors}: {names.controller} needs the range sensors {', '.join(needed)}, in this order; "
+            f"sensors={names.sensors}: {names.controller} needs "
+            f"{'the range sensors ' + ', '.join(needed) + ', in this order' if needed else 'no range sensors'}; "
             f"this suite has {_few(offered)}"
         )
     return partial(target, **parameters)  # made for each episode anew

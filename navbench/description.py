@@ -1,5 +1,7 @@
 """What every description (world, robot, sensors, simulator) shares: its strictness, its number types, its errors."""
 
+import re
+import reprlib
 from collections.abc import Hashable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -38,7 +40,8 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         made: T = _adapter(cast(Hashable, kind)).validate_python(dict(values))
         return made
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        errors = error.errors(include_url=False)
+        first = next((one for one in errors if one["type"] == "unexpected_keyword_argument"), errors[0])
         loc = first["loc"]
         path = key + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
         if first["type"] == "unexpected_keyword_argument":
@@ -47,9 +50,12 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         if first["type"] in ("missing", "missing_argument"):
             raise DescriptionError(f"{path}: missing; a value is needed") from None
         if first["type"] == "value_error":
-            raise DescriptionError(f"{path}: {first['ctx']['error']}") from None
+            said = str(first["ctx"]["error"])
+            inside = re.match(r"[a-z_]+(\[\d+\])?(\.\w+)*: ", said)
+            raise DescriptionError(f"{path}.{said}" if inside else f"{path}: {said}") from None
         allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
-        raise DescriptionError(f"{path}={first['input']!r}: {allowed}") from None
+        allowed = re.sub(r"a dictionary or an instance of \w+", "a mapping", allowed)
+        raise DescriptionError(f"{path}={reprlib.repr(first['input'])}: {allowed}") from None
 
 
 @cache

@@ -190,7 +190,7 @@ class EpisodeRunner:
         try:
             controller = self.make_controller()
             controller.reset(self._setup, rng)
-        except Exception as error:  # a user's code may raise anything; it costs this robot, not the study
+        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
             return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
         return _Pilot(controller, perception)
 
@@ -242,7 +242,7 @@ class EpisodeRunner:
             if not self._similarity.identity:
                 v, w = self._similarity.to_world(Command(v, w))
             simulator.command(index, v, w)
-        except Exception as error:  # a user's code may raise anything; it costs this robot, not the study
+        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
             pilot.outcome, pilot.reason = "controller_error", _reason(error)
             simulator.stop(index)
 
@@ -304,7 +304,7 @@ def _free(pose: Pose, radius_m: float, boxes: FloatArray, discs: FloatArray, oth
     return all(math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) > 2.0 * radius_m for other in others)
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: BaseException) -> str:
     """Return an exception as one short line."""
     text = " ".join(f"{type(error).__name__}: {error}".split())
     return text if len(text) <= 200 else text[:197] + "..."

@@ -108,11 +108,7 @@ def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
     (out / "figures").mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-            content = io.BytesIO()
-            figure.savefig(content, format=form, dpi=110, bbox_inches="tight", metadata=metadata)
-            temporary = out / "figures" / f".{stem}.{form}.{os.getpid()}.tmp"
-            temporary.write_bytes(content.getvalue())
-            os.replace(temporary, out / "figures" / f"{stem}.{form}")
+            _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
     return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
 
 
@@ -139,7 +135,7 @@ def save_trajectories(runs: Sequence[Results], file: Path) -> None:
         draw_cell(ax, *panel)
     for ax in axes[len(panels) :]:
         ax.set_axis_off()
-    figure.savefig(file, dpi=110, bbox_inches="tight", metadata={"Software": None} if file.suffix == ".png" else None)
+    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
 
 
 def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
@@ -246,4 +242,13 @@ def save_convergence(results: Results, file: Path) -> None:
         ax.step(evaluations, rows["cost"].cummin(), where="post", label=f"{name}, seed {seed}: least so far")
     ax.set(xlabel="evaluations", ylabel="cost", yscale="log" if (results.evaluations()["cost"] > 0).all() else "linear")
     ax.legend(frameon=False)
-    figure.savefig(file, dpi=110, bbox_inches="tight", metadata={"Software": None} if file.suffix == ".png" else None)
+    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+
+
+def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None] | None) -> None:
+    """Save a figure whole or not at all: under a temporary name, then renamed."""
+    content = io.BytesIO()
+    figure.savefig(content, format=file.suffix[1:], dpi=110, bbox_inches="tight", metadata=metadata)
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    temporary.write_bytes(content.getvalue())
+    os.replace(temporary, file)

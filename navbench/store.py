@@ -310,7 +310,7 @@ def _trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]])
     states = np.concatenate([record.states for _, record in records])
     columns |= {name: states[:, i] for i, name in enumerate(STATES)}
     for name in dict.fromkeys(name for _, record in records for name in record.trace_names):
-        column = f"trace_{name}" if name in columns else name  # a trace never hides a column of the trajectory
+        column = f"trace_{name}" if name in columns else str(name)  # a trace never hides a column of the trajectory
         columns[column] = np.concatenate([_trace(record, name) for _, record in records])
     return pa.table(columns)
 

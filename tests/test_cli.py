@@ -259,6 +259,7 @@ WRONG_FILES = [
     ("mine.py", "import nope\n", "controller.build._target_=mine.Mine: cannot be imported", "'nope'"),
     ("mine.py", "class Mine(:\n", "cannot be imported (SyntaxError: invalid syntax (mine.py, line 1))"),
     ("mine.py", "1 / 0\n", "cannot be imported (ZeroDivisionError: division by zero)"),
+    ("mine.py", MINE.replace("class Mine:", "class Mine:\n    sensor_roles = 3"), "sensor_roles must be a tuple"),
     ("mine.py", "def Mine(gain): return gain\n", "controller.build._target_=mine.Mine: must name a class with reset"),
     ("mine.py", MINE.replace("self.gain = gain", "raise RuntimeError('no\\nluck')"),
      "controller.build: RuntimeError: no luck"),
@@ -345,7 +346,7 @@ def test_a_run_prints_its_table_and_says_where_the_results_are(command: Command,
     assert set(rule) == {"-", " "}
     assert re.match(r"sflc +corner +khepera3 +2 of 2 +0 +", row)
     folder = tmp_path / last.removeprefix("results: ")
-    assert re.fullmatch(r"results: outputs/\d{4}-\d\d-\d\d/\d\d-\d\d-\d\d-sflc-corner", last)
+    assert re.fullmatch(r"results: outputs/\d{4}-\d\d-\d\d/\d\d-\d\d-\d\d-\d{6}-sflc-corner", last)
     names = {path.name for path in folder.iterdir()}
     assert names == {"manifest.json", "episodes", "trajectories", "latency", "episodes.csv", "trajectory.png"}
     assert (folder / "trajectory.png").read_bytes().startswith(b"\x89PNG")
@@ -423,7 +424,7 @@ def test_a_sweep_that_cannot_be_composed_is_refused_before_anything_runs(
     assert files_in(tmp_path) == set()
 
 
-@pytest.mark.parametrize("flags", [("--cfg=job",), ("-c", "job"), ("--cfg", "job", "--info")])
+@pytest.mark.parametrize("flags", [("--cfg=job",), ("-c", "job"), ("--cfg", "job", "--resolve")])
 def test_flags_may_stand_anywhere(command: Command, flags: tuple[str, ...]) -> None:
     for words in ((*flags, *GO, "seed=7"), (GO[0], *flags, GO[1], "seed=7"), (*GO, "seed=7", *flags)):
         done = command(*words)

@@ -78,7 +78,9 @@ def test_a_study_that_is_killed_ends_the_same_when_it_is_resumed(moment: int, fi
 
 def _workers_of(pid: int) -> list[int]:
     """Return the worker processes of a driver that are alive."""
-    found = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False
+    )
     return [int(line.split()[0]) for line in found.stdout.splitlines() if "popen_loky_posix" in line]
 
 
