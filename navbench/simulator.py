@@ -66,8 +66,8 @@ class Event(NamedTuple):
 class Simulator:
     """One world with its robots in PyBullet; reset it for each episode, close it at the end.
 
-    The obstacles are made once. Robots and movers are made anew for each episode, so that no contact cached from the
-    last one remains.
+    Everything is made anew for each episode: the engine's search tree remembers what was moved in it, and where two
+    obstacles touch, the order in which it finds them shows in the last digits of a range.
 
     Args:
         world: where the robots drive.
@@ -97,11 +97,6 @@ class Simulator:
         if options.gui:
             self._look_from_above()
         self._names: dict[int, str] = {}
-        for i, box in enumerate(world.solids()):
-            kind = f"box {i}" if i < len(world.boxes) else f"wall {i - len(world.boxes)}"
-            self._add_box(kind, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
-        for i, disc in enumerate(world.discs):
-            self._add_round(f"disc {i}", disc.x_m, disc.y_m, disc.radius_m, mass=0.0, colour=(0.5, 0.5, 0.5, 1.0))
         self._robot_bodies: list[int] = []
         self._mover_bodies: list[int] = []
         self.robots = np.zeros(len(world.starts), ROBOT)
@@ -124,9 +119,13 @@ class Simulator:
 
     def reset(self, starts: Sequence[Pose]) -> None:
         """Begin an episode with one robot at each start."""
-        for body in (*self._robot_bodies, *self._mover_bodies):
-            pybullet.removeBody(body, physicsClientId=self._client)
-            del self._names[body]
+        pybullet.resetSimulation(physicsClientId=self._client)
+        self._names = {}
+        for i, box in enumerate(self.world.solids()):
+            kind = f"box {i}" if i < len(self.world.boxes) else f"wall {i - len(self.world.boxes)}"
+            self._add_box(kind, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
+        for i, disc in enumerate(self.world.discs):
+            self._add_round(f"disc {i}", disc.x_m, disc.y_m, disc.radius_m, mass=0.0, colour=(0.5, 0.5, 0.5, 1.0))
         self._discs = self._discs_at_start.copy()
         self._robot_bodies = [
             self._add_round(f"robot {i}", start.x_m, start.y_m, self.robot.radius_m, 1.0, (0.1, 0.4, 0.8, 1.0))
