@@ -376,16 +376,3 @@ def test_a_directory_without_results_is_refused(tmp_path: Path) -> None:
         Results(tmp_path).manifest()
     with pytest.raises(ResultsError, match="episodes/ holds no part"):
         Results(tmp_path).episodes()
-
-
-def test_an_episode_among_touching_boxes_does_not_hang_on_what_ran_before() -> None:
-    words = ("controller=pid", "world=deadlock", "start_heading_jitter_rad=0.3", "controller.build.kp=9.350724")
-    gains = ("controller.build.ki=0.815854", "controller.build.kd=0.002739")
-    for seed in range(8):
-        cell = compose_cell(*words, *gains, f"seed={seed}")
-        with cell.runner() as runner:
-            runner.run(0)
-            after = runner.run(1)[0]
-        with cell.runner() as runner:
-            alone = runner.run(1)[0]
-        assert after.states.tobytes() == alone.states.tobytes()

@@ -15,7 +15,8 @@ import pytest
 from navbench.description import DescriptionError
 from navbench.store import Results
 from navbench.studies import run_study
-from navbench.study_configuration import compose_study
+from navbench.study_configuration import compose_study, compose_tuning
+from navbench.tunings import run_tuning
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look
@@ -248,3 +249,10 @@ def test_the_committed_results_are_those_of_the_study_as_it_stands() -> None:
     assert {(cell["name"], cell["label"], cell["world"]) for cell in tuned} == {
         (p.name, p.label, p.cell.names.world) for p in chosen.cells if p.tuning
     }
+
+
+def test_a_tuning_among_touching_boxes_is_the_same_with_one_worker_and_with_two() -> None:
+    words = ["controller=pid", "tuner=abc", "objective=weighted", "world=corner", "worlds=[deadlock]"]
+    words += ["episodes=2", "start_heading_jitter_rad=0.3", "budget=20"]
+    tuning, _, _ = compose_tuning(words)
+    assert run_tuning(tuning, 1).evaluations == run_tuning(tuning, 2).evaluations
