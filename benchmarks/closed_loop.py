@@ -15,14 +15,14 @@ from collections.abc import Callable
 import numpy as np
 import pybullet
 
-from navbench.configuration import compose_cell
 from navbench.contract import Command, Observation, Setup
-from navbench.episode import EpisodeRunner, Jitter
-from navbench.robot import Robot
-from navbench.sensors import Mount, Sensors
-from navbench.similarity import Native
-from navbench.simulation import SimulatorOptions
-from navbench.world import Bounds, Disc, Point, Start, World
+from navbench.descriptions.robot import Robot
+from navbench.descriptions.sensors import Mount, Sensors
+from navbench.descriptions.simulation import SimulatorOptions
+from navbench.descriptions.world import Bounds, Disc, Point, Start, World
+from navbench.door.configuration import compose_cell
+from navbench.loop.episode import EpisodeRunner, Jitter
+from navbench.loop.similarity import Native
 
 ROUNDS = 7
 SECONDS = 0.7  # of CPU time a measurement

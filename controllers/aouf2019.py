@@ -52,7 +52,7 @@ import numba
 import numpy as np
 
 from navbench.contract import FloatArray
-from navbench.geometry import wrap_angle
+from navbench.mathematics.geometry import wrap_angle
 
 Vector = tuple[float, float]
 

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.description import STRICT, Positive, describe
-from navbench.geometry import wrap_angle
+from navbench.descriptions.description import STRICT, Positive, describe
+from navbench.mathematics.geometry import wrap_angle
 
 
 @numba.njit(cache=True)

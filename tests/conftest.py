@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-SOURCES = sorted([*(ROOT / "navbench").glob("*.py"), *(ROOT / "controllers").glob("*.py")])
+SOURCES = sorted([*(ROOT / "navbench").rglob("*.py"), *(ROOT / "controllers").rglob("*.py")])
 DIGEST = hashlib.sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
 os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".pytest_cache" / f"numba-{DIGEST}")

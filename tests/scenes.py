@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup
-from navbench.episode import EpisodeRunner, Jitter
-from navbench.record import RobotRecord
-from navbench.robot import Robot
-from navbench.sensors import Mount, Sensors
-from navbench.similarity import Native
-from navbench.simulation import SimulatorOptions
-from navbench.simulator import Event, Simulator
-from navbench.world import Bounds, Mover, Point, Start, World
+from navbench.descriptions.record import RobotRecord
+from navbench.descriptions.robot import Robot
+from navbench.descriptions.sensors import Mount, Sensors
+from navbench.descriptions.simulation import SimulatorOptions
+from navbench.descriptions.world import Bounds, Mover, Point, Start, World
+from navbench.loop.episode import EpisodeRunner, Jitter
+from navbench.loop.similarity import Native
+from navbench.physics.simulator import Event, Simulator
 
 FloatArray = NDArray[np.float64]
 Act = Callable[[Observation], Any]

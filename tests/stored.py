@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.metrics import Metrics
-from navbench.reading import Reading
-from navbench.record import CellKey, Names, RobotRecord, StudyCell, TuningKey
-from navbench.store import Results
+from navbench.descriptions.record import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.experiments.store import Results
+from navbench.mathematics.metrics import Metrics
+from navbench.reading.stored import Reading
 
 FloatArray = NDArray[np.float64]
 

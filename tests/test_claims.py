@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 import yaml
 
-from navbench.claims import COLUMNS, Claim, Measured, Tolerance, judge, verdict
-from navbench.description import DescriptionError, describe
-from navbench.measures import check_measure
-from navbench.sections import check_section
+from navbench.descriptions.description import DescriptionError, describe
+from navbench.reading.claims import COLUMNS, Claim, Measured, Tolerance, judge, verdict
+from navbench.reading.measures import check_measure
+from navbench.reading.sections import check_section
 
 STUDY = yaml.safe_load((Path(__file__).parents[1] / "conf/study/aouf2019.yaml").read_text())
 PID_SPEED_MPS = 0.15

@@ -14,9 +14,9 @@ import pandas as pd
 import pytest
 
 import navbench
-from navbench import cli
-from navbench.catalogue import CONF, files_of
-from navbench.description import DescriptionError
+from navbench.descriptions.description import DescriptionError
+from navbench.door import cli
+from navbench.door.catalogue import CONF, files_of
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GO = ("controller=go_to_goal", "world=empty")

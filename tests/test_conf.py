@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
-from navbench.catalogue import GROUPS, files_of
-from navbench.cells import Cell
-from navbench.configuration import compose_cell, latest_sources
 from navbench.contract import Observation, Pose
-from navbench.record import RobotRecord
-from navbench.similarity import native_setup
+from navbench.descriptions.record import RobotRecord
+from navbench.door.catalogue import GROUPS, files_of
+from navbench.door.configuration import compose_cell, latest_sources
+from navbench.experiments.cells import Cell
+from navbench.loop.similarity import native_setup
 
 CONF = Path(__file__).parents[1] / "conf"
 DESCRIBED = (*GROUPS, "tuner", "objective")

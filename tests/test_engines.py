@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from navbench.cells import EPISODES
-from navbench.configuration import compose_cell
-from navbench.engines import Work, run
+from navbench.door.configuration import compose_cell
+from navbench.experiments.cells import EPISODES
+from navbench.experiments.engines import Work, run
 
 KILLER = 13
 

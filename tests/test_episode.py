@@ -26,15 +26,15 @@ from scenes import (
 )
 
 from navbench.contract import Command, Controller, Observation, Setup
-from navbench.description import DescriptionError
-from navbench.episode import Jitter
-from navbench.kinematics import advance_arc, closest_approach
-from navbench.robot import Robot
-from navbench.sensors import Odometry, Tracker
-from navbench.similarity import Native
-from navbench.simulation import SimulatorOptions
-from navbench.streams import stream
-from navbench.world import Box, Disc, FinishLine, Point, Start, Wall, World
+from navbench.descriptions.description import DescriptionError
+from navbench.descriptions.robot import Robot
+from navbench.descriptions.sensors import Odometry, Tracker
+from navbench.descriptions.simulation import SimulatorOptions
+from navbench.descriptions.world import Box, Disc, FinishLine, Point, Start, Wall, World
+from navbench.loop.episode import Jitter
+from navbench.loop.similarity import Native
+from navbench.mathematics.kinematics import advance_arc, closest_approach
+from navbench.mathematics.streams import stream
 
 WALL = Wall(x1_m=5.1, y1_m=-50.0, x2_m=5.1, y2_m=50.0, thickness_m=0.1)  # its face stands at 5.05
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from navbench.geometry import box_distance, distance_to_nearest, segment_crossing, wrap_angle
+from navbench.mathematics.geometry import box_distance, distance_to_nearest, segment_crossing, wrap_angle
 
 
 def distance_to_edge(p: complex, a: complex, b: complex) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from navbench.kinematics import advance_arc, closest_approach, lag_speed, ramp_speed
+from navbench.mathematics.kinematics import advance_arc, closest_approach, lag_speed, ramp_speed
 
 Motion = tuple[float, float, float, float, float]  # x, y, heading, v, w
 

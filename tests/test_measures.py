@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from stored import LIMIT_S, TRACE, a_cell, a_record, store
 
-from navbench.claims import Measured
-from navbench.description import DescriptionError
-from navbench.measures import MEASURES, check_measure, measure
-from navbench.phases import is_within, phases
-from navbench.reading import Reading
-from navbench.record import RobotRecord
+from navbench.descriptions.description import DescriptionError
+from navbench.descriptions.record import RobotRecord
+from navbench.reading.claims import Measured
+from navbench.reading.measures import MEASURES, check_measure, measure
+from navbench.reading.phases import is_within, phases
+from navbench.reading.stored import Reading
 
 
 def reading_of(path: Path, **labels: list[RobotRecord]) -> Reading:

@@ -12,18 +12,18 @@ import pandas as pd
 import pytest
 from stored import LIMIT_S, a_cell, a_record, store
 
-from navbench.claims import Measured
-from navbench.comparison import fair_comparison
 from navbench.controllers.sflc import RULES, Sflc
-from navbench.description import DescriptionError
-from navbench.figures import PALETTE, styles, thinned
-from navbench.markup import escape, latex, markdown, number, save_table
-from navbench.provenance import sources
-from navbench.reading import Reading
-from navbench.reports import write_report
-from navbench.sections import SECTIONS, check_section, write_section
-from navbench.store import Results
-from navbench.study_tables import Told, findings, outcomes_table, printed_table
+from navbench.descriptions.description import DescriptionError
+from navbench.experiments.store import Results
+from navbench.reading.claims import Measured
+from navbench.reading.comparison import fair_comparison
+from navbench.reading.figures import PALETTE, styles, thinned
+from navbench.reading.markup import escape, latex, markdown, number, save_table
+from navbench.reading.provenance import sources
+from navbench.reading.reports import write_report
+from navbench.reading.sections import SECTIONS, check_section, write_section
+from navbench.reading.stored import Reading
+from navbench.reading.study_tables import Told, findings, outcomes_table, printed_table
 
 WORLDS = {"Fig 1": "plain", "Fig 2": "other"}
 FASTER = {"name": "share_better", "metric": "time_s", "select": {"label": "F"}, "than": {"label": "PID"}}
@@ -178,8 +178,8 @@ def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, 
         "import sys\n"
         "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
         "from pathlib import Path\n"
-        "from navbench.reports import write_report\n"
-        "from navbench.store import Results\n"
+        "from navbench.reading.reports import write_report\n"
+        "from navbench.experiments.store import Results\n"
         "write_report([Results(Path(sys.argv[1]))], Path(sys.argv[2]))\n"
     )
     environment = {**os.environ, "PYTHONHASHSEED": "12345", "TZ": "Asia/Tokyo"}
@@ -190,7 +190,7 @@ def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, 
 
 def test_reading_loads_no_slow_library_before_it_is_needed() -> None:
     code = (
-        "import sys, navbench.reports\n"
+        "import sys, navbench.reading.reports\n"
         "print([n for n in ('pandas', 'matplotlib', 'scipy.stats', 'tabulate', 'pybullet') if n in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

@@ -15,12 +15,12 @@ import pyarrow.parquet as pq
 import pytest
 from stored import a_cell, a_record
 
-from navbench.cells import Cell, run_batch
-from navbench.configuration import compose_cell
-from navbench.record import RobotRecord, StudyCell
-from navbench.running import run_cells
-from navbench.store import Results, ResultsError
-from navbench.tables import failures, summarize, to_markdown, to_text
+from navbench.descriptions.record import RobotRecord, StudyCell
+from navbench.door.configuration import compose_cell
+from navbench.experiments.cells import Cell, run_batch
+from navbench.experiments.running import run_cells
+from navbench.experiments.store import Results, ResultsError
+from navbench.reading.tables import failures, summarize, to_markdown, to_text
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 EPISODES = 60  # three parts, the last one shorter
@@ -297,7 +297,7 @@ def test_a_run_that_breaks_before_its_first_batch_leaves_nothing(
         raise MemoryError
         yield 0, []
 
-    monkeypatch.setattr("navbench.running.run", broken)
+    monkeypatch.setattr("navbench.experiments.running.run", broken)
     with pytest.raises(MemoryError):
         run_cells([cell], tmp_path / "new" / "results", workers=1)
     assert list(tmp_path.iterdir()) == []
@@ -310,7 +310,7 @@ def test_a_run_that_breaks_later_keeps_what_was_finished(
         yield 1, run_batch(cell.batches()[1])
         raise MemoryError
 
-    monkeypatch.setattr("navbench.running.run", broken)
+    monkeypatch.setattr("navbench.experiments.running.run", broken)
     with pytest.raises(MemoryError):
         run_cells([cell], tmp_path, workers=1)
     results = Results(tmp_path)

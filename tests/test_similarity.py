@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scenes import Scripted, a_ring, a_runner, a_world, always, run, run_one, to_and_fro
 
 from navbench.contract import Command, Observation
-from navbench.record import RobotRecord
-from navbench.robot import Robot
-from navbench.sensors import Mount, Odometry, Sensors, Tracker
-from navbench.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
-from navbench.world import Bounds, Box, Disc, FinishLine, Point, Start, Wall, World
+from navbench.descriptions.record import RobotRecord
+from navbench.descriptions.robot import Robot
+from navbench.descriptions.sensors import Mount, Odometry, Sensors, Tracker
+from navbench.descriptions.world import Bounds, Box, Disc, FinishLine, Point, Start, Wall, World
+from navbench.loop.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 
 KHEPERA = Robot(radius_m=0.065, track_m=0.0885, wheel_speed_max_mps=0.3333)
 DISC = Robot(radius_m=4.0, track_m=7.0, wheel_speed_max_mps=4.0, wheel_accel_max_mps2=10.0)

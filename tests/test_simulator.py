@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, to_and_fro
 
-from navbench import simulator as simulator_module
 from navbench.contract import Pose
-from navbench.kinematics import advance_arc
-from navbench.sensors import RAYS_MAX, Mount, Sensors
-from navbench.simulation import SimulatorOptions
-from navbench.simulator import Simulator
-from navbench.world import Box, Disc, Point, Start, Wall, World
+from navbench.descriptions.sensors import RAYS_MAX, Mount, Sensors
+from navbench.descriptions.simulation import SimulatorOptions
+from navbench.descriptions.world import Box, Disc, Point, Start, Wall, World
+from navbench.mathematics.kinematics import advance_arc
+from navbench.physics import simulator as simulator_module
+from navbench.physics.simulator import Simulator
 
 RAY_TOLERANCE_RADII = 2.5e-4  # PyBullet's 0.001 units, where a robot's radius is at least 4 units
 CONTACT_HAIR_RADII = 1.1e-4  # PyBullet rounds a box's corners by its margin of 0.001 units: (sqrt(2) - 1) * 0.001 / 4

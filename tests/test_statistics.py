@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from navbench.statistics import (
+from navbench.mathematics.statistics import (
     CONFIDENCE,
     Interval,
     bootstrap_median,
@@ -585,5 +585,7 @@ def test_the_confidence_asked_for_reaches_the_interval(measure: Callable[[float]
 
 
 def test_importing_the_module_costs_no_scipy_stats() -> None:
-    code = "import sys, navbench.statistics; sys.exit('scipy.stats' in sys.modules or 'pandas' in sys.modules)"
+    code = (
+        "import sys, navbench.mathematics.statistics; sys.exit('scipy.stats' in sys.modules or 'pandas' in sys.modules)"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)

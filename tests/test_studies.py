@@ -12,11 +12,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from navbench.description import DescriptionError
-from navbench.store import Results
-from navbench.studies import run_study
-from navbench.study_configuration import compose_study, compose_tuning
-from navbench.tunings import run_tuning
+from navbench.descriptions.description import DescriptionError
+from navbench.door.study_configuration import compose_study, compose_tuning
+from navbench.experiments.store import Results
+from navbench.experiments.studies import run_study
+from navbench.experiments.tunings import run_tuning
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look

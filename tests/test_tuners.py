@@ -18,9 +18,9 @@ from scipy.optimize import differential_evolution
 from scipy.stats import chisquare
 
 from navbench.contract import FloatArray
-from navbench.search import Dimension, Tuned, Tuner, batches, tune
-from navbench.tuner_bridge import STRATEGIES, De, points_of
-from navbench.tuners import (
+from navbench.tuners.bridge import STRATEGIES, De, points_of
+from navbench.tuners.search import Dimension, Tuned, Tuner, batches, tune
+from navbench.tuners.swarms import (
     Abc,
     Fa,
     Generations,
@@ -800,7 +800,7 @@ def run(script: str) -> subprocess.CompletedProcess[str]:
     before = """
 import signal, threading, time
 import numpy as np
-from navbench.tuner_bridge import De, points_of
+from navbench.tuners.bridge import De, points_of
 """
     return subprocess.run([sys.executable, "-c", before + script], capture_output=True, text=True, timeout=120)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scenes import a_world, to_and_fro
 
-from navbench.description import DescriptionError, describe
-from navbench.robot import Robot
-from navbench.sensors import Sensors
-from navbench.simulation import SimulatorOptions
-from navbench.world import Box, Disc, Point, Start, Wall, World
+from navbench.descriptions.description import DescriptionError, describe
+from navbench.descriptions.robot import Robot
+from navbench.descriptions.sensors import Sensors
+from navbench.descriptions.simulation import SimulatorOptions
+from navbench.descriptions.world import Box, Disc, Point, Start, Wall, World
 
 PLAIN: dict[str, Any] = {
     "name": "plain",

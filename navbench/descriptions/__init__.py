@@ -1,0 +1,1 @@
+"""Descriptions: worlds, robots, sensors and records, as frozen data that is checked when it is made."""

@@ -1,0 +1,117 @@
+"""What is kept of an episode and of the cell it belongs to: the words that the loop, the store and the reader share."""
+
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.mathematics.metrics import Metrics
+
+FloatArray = NDArray[np.float64]
+Outcome = Literal["reached", "collided", "timed_out", "controller_error"]
+
+
+class RobotRecord(NamedTuple):
+    """What one robot did in one episode.
+
+    Attributes:
+        robot_index: which robot of the world.
+        outcome: "reached", "collided", "timed_out" or "controller_error".
+        reason: what it hit, or what the controller did; empty where the outcome says all.
+        metrics: the metrics.
+        states: (n + 1, 6) t [s], x, y [m], heading [rad], v [m/s], w [rad/s] of the world at the beginning of each of
+            the n control periods, v and w being the period's means, and at the end, where v and w stand as they were.
+        traces: (n + 1, n_names) the controller's trace, native; nan at the end, where it acted no more.
+        trace_names: its names.
+        latencies_s: (n,) the time of each act on the machine's clock [s].
+    """
+
+    robot_index: int
+    outcome: Outcome
+    reason: str
+    metrics: Metrics
+    states: FloatArray
+    traces: FloatArray
+    trace_names: tuple[str, ...]
+    latencies_s: FloatArray
+
+
+class Names(NamedTuple):
+    """What a cell's parts are called in the configuration."""
+
+    controller: str
+    world: str
+    robot: str
+    sensors: str
+    simulator: str
+
+
+class CellKey(NamedTuple):
+    """What results know of a cell.
+
+    Attributes:
+        names: what its parts are called.
+        configuration: its resolved configuration, of plain values.
+        sources: where each part's parameters come from.
+        config_hash: digits over names and configuration: everything that decides an episode but seed and index.
+        run_id: digits over config_hash and seed; two runs of the same cell share it.
+        seed: of every stream.
+        episodes: how many, from index 0.
+    """
+
+    names: Names
+    configuration: Mapping[str, Any]
+    sources: Mapping[str, Any]
+    config_hash: str
+    run_id: str
+    seed: int
+    episodes: int
+
+
+class StudyCell(NamedTuple):
+    """A cell's place in a study.
+
+    Attributes:
+        key: the cell.
+        name: what it is there for, such as "printed" or "fair"; the cells of a comparison share it.
+        label: what the report calls its controller.
+        tuning: the name of the tuning that its parameters come from, or empty.
+        tuning_seed: that tuning's seed; -1 without one.
+    """
+
+    key: CellKey
+    name: str
+    label: str
+    tuning: str = ""
+    tuning_seed: int = -1
+
+
+class TuningKey(NamedTuple):
+    """What results know of a tuning.
+
+    Attributes:
+        name: what it is called; a study's tunings of one name differ in their seeds.
+        tuner: the tuner's configuration name.
+        objective: the objective's configuration name.
+        controller: whose parameters it searches.
+        worlds: where it tries them.
+        config_hash: digits over everything that decides an evaluation but seed, budget and index.
+        tuning_id: digits over config_hash, budget and seed.
+        seed: of the tuner and of the evaluations.
+        budget: how many evaluations.
+        configuration: as resolved, of plain values.
+        sources: where the tuner's and the objective's parameters come from.
+    """
+
+    name: str
+    tuner: str
+    objective: str
+    controller: str
+    worlds: tuple[str, ...]
+    config_hash: str
+    tuning_id: str
+    seed: int
+    budget: int
+    configuration: Mapping[str, Any]
+    sources: Mapping[str, Any]

@@ -1,0 +1,27 @@
+"""The Python interface: what the command line does, returned as a table."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from navbench.descriptions.description import DescriptionError
+from navbench.door.configuration import cell_of, compose_run
+from navbench.door.errors import one_line
+from navbench.experiments.running import run_cells
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: str | None) -> "pd.DataFrame":
+    """Run one cell and return its table of episodes; see ``navbench.run``."""
+    try:
+        config, choices = compose_run(*overrides, config_dir=config_dir)
+        cell, workers = cell_of(config, choices), config.workers
+    except Exception as error:  # Hydra composes with errors of many kinds
+        raise DescriptionError(one_line(error)) from error
+    if path is not None:
+        return run_cells([cell], Path(path), workers).episodes()
+    with tempfile.TemporaryDirectory() as folder:
+        return run_cells([cell], Path(folder), workers).episodes()

@@ -1,0 +1,251 @@
+"""From a composed configuration to a tuning or a study."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from hydra import compose, version
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra._internal.hydra import Hydra
+from hydra._internal.utils import create_config_search_path
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.utils import instantiate
+from omegaconf import DictConfig, OmegaConf, open_dict
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from navbench.descriptions.description import STRICT, Count, DescriptionError, Flag, describe
+from navbench.door import schema
+from navbench.door.configuration import cell_of, check_words
+from navbench.experiments.cells import Cell
+from navbench.experiments.studies import Planned, Study
+from navbench.experiments.tunings import Objective, Tuning
+from navbench.reading.claims import Claim
+from navbench.reading.measures import check_measure
+from navbench.reading.sections import check_section
+from navbench.tuners.search import Dimension
+
+Compose = Callable[[str, Sequence[str]], tuple[DictConfig, dict[str, Any]]]
+Seed = Annotated[int, Field(ge=0, strict=True)]
+Words = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class CellSpec:
+    """Some cells of a study: every combination of its overrides' comma-separated values.
+
+    Attributes:
+        name: what they are there for; the cells of a comparison share it.
+        label: what the report calls their controller.
+        overrides: as on the command line.
+        episodes: how many episodes each.
+        seed: of every stream.
+        tuning: the name of the tunings whose best parameters the controller takes; empty for none.
+        tuning_seeds: of those, only these seeds; None for all.
+        trajectories: whether to keep the trajectories.
+    """
+
+    name: str
+    label: str
+    overrides: Words
+    episodes: Count = 1
+    seed: Seed = 0
+    tuning: str = ""
+    tuning_seeds: tuple[Seed, ...] | None = None
+    trajectories: Flag = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class TuningSpec:
+    """Some tunings of a study: one for each seed.
+
+    Attributes:
+        name: what they are called.
+        overrides: as on the command line of ``navbench tune``.
+        seeds: how many, from seed 0.
+    """
+
+    name: str
+    overrides: Words
+    seeds: Count = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class StudyFile:
+    """A study's own file.
+
+    Attributes:
+        title: the report's heading.
+        summary: what the report says first, in Markdown.
+        tunings: what it searches.
+        cells: what it runs.
+        claims: what a paper prints, to hold the results against.
+        report: the report's sections, in order: each a function of ``navbench.reading.sections`` with its arguments.
+    """
+
+    title: str
+    summary: str = ""
+    tunings: tuple[TuningSpec, ...] = ()
+    cells: tuple[CellSpec, ...]
+    claims: tuple[Claim, ...] = ()
+    report: tuple[Mapping[str, Any], ...] = ()
+
+
+@contextmanager
+def composing(config_dir: str | None = None) -> Iterator[Compose]:
+    """Give a function that composes a primary config with overrides, and returns it with the choices in its groups."""
+    schema.register()
+    search_path = create_config_search_path("pkg://navbench.conf")
+    if config_dir is not None:
+        folder = f"file://{os.path.abspath(config_dir)}"
+        search_path.prepend("command-line", folder, anchor="schema")  # the schemas must stand last
+
+    def composed(name: str, overrides: Sequence[str]) -> tuple[DictConfig, dict[str, Any]]:
+        check_words(overrides)
+        config = compose(name, list(overrides), return_hydra_config=True)
+        HydraConfig.instance().set_config(config)
+        choices = dict(config.hydra.runtime.choices)
+        with open_dict(config):
+            del config["hydra"]
+        return config, choices
+
+    version.setbase("1.3")
+    Hydra.create_main_hydra2("navbench", search_path)
+    try:
+        yield composed
+    finally:
+        GlobalHydra.instance().clear()
+
+
+def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:
+    """Return the tuning that the command line's words describe, where its results go, and with how many workers.
+
+    Raises:
+        HydraException: an unknown choice or key.
+        DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
+    """
+    with composing(config_dir) as composed:
+        config, choices = composed("tune", overrides)
+        path = Path(HydraConfig.get().run.dir)
+        return tuning_of(config, choices, composed), path, config.workers
+
+
+def compose_study(name: str, config_dir: str | None = None) -> Study:
+    """Return the study of a name.
+
+    Raises:
+        HydraException: there is no such study, or a cell's overrides do not compose.
+        DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
+    """
+    with composing(config_dir) as composed:
+        config, _ = composed(f"study/{name}", [])
+        values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+        file = describe(StudyFile, values, f"study/{name}")
+        for i, claim in enumerate(file.claims):
+            check_measure(f"study/{name}.claims[{i}].measure", claim.measure)
+        for i, section in enumerate(file.report):
+            check_section(f"study/{name}.report[{i}]", section)
+        tunings = tuple(
+            tuning
+            for i, spec in enumerate(file.tunings)
+            for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composed)
+        )
+        known = {tuning.name for tuning in tunings}
+        cells = []
+        for i, spec in enumerate(file.cells):
+            if spec.tuning and spec.tuning not in known:
+                allowed = ", ".join(sorted(known)) or "none: this study has no tunings"
+                raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; allowed: {allowed}")
+            cells += _cells(f"study/{name}.cells[{i}]", spec, composed)
+    content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
+    return Study(name=name, tunings=tunings, cells=tuple(cells), content=content)
+
+
+def _cells(key: str, spec: CellSpec, composed: Compose) -> list[Planned]:
+    planned = []
+    for overrides in _products(spec.overrides):
+        words = [*overrides, f"episodes={spec.episodes}", f"seed={spec.seed}"]
+        try:
+            cell = cell_of(*composed("run", words))
+        except DescriptionError as error:
+            raise DescriptionError(f"{key}: {error}") from None
+        cell = replace(cell, keep_trajectories=spec.trajectories)
+        planned.append(Planned(cell, spec.name, spec.label, spec.tuning, spec.tuning_seeds))
+    return planned
+
+
+def _tunings(key: str, spec: TuningSpec, composed: Compose) -> list[Tuning]:
+    try:
+        first = tuning_of(*composed("tune", spec.overrides), composed)
+    except DescriptionError as error:
+        raise DescriptionError(f"{key}: {error}") from None
+    return [replace(first, name=spec.name, seed=seed) for seed in range(spec.seeds)]
+
+
+def _products(overrides: Sequence[str]) -> list[list[str]]:
+    """Return every combination of the overrides' comma-separated values."""
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    products: list[list[str]] = BasicSweeper.split_arguments(parsed, None)[0]
+    return products
+
+
+def tuning_of(config: DictConfig, choices: Mapping[str, Any], composed: Compose) -> Tuning:
+    """Return the tuning that a composed configuration describes.
+
+    Args:
+        config: the configuration, of the primary config ``tune``.
+        choices: which file was chosen in each group.
+        composed: composes the cells in its further worlds.
+
+    Raises:
+        DescriptionError: one line that names the key, its value and what is allowed.
+    """
+    values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+    cell = cell_of(config, choices)
+    tunable = values["controller"].get("tunable") or {}
+    if not tunable:
+        raise DescriptionError(
+            f"controller.tunable: missing; {cell.names.controller} names no parameters to tune, "
+            "as `kp: {low: 0.0, high: 10.0, scale: linear}`"
+        )
+    for name, bounds in tunable.items():
+        if not isinstance(bounds, dict) or set(bounds) != {"low", "high", "scale"}:
+            raise DescriptionError(f"controller.tunable.{name}: must hold low, high and scale, got {bounds!r}")
+    try:
+        dimensions = tuple(Dimension(name, **bounds) for name, bounds in tunable.items())
+    except ValueError as error:
+        raise DescriptionError(f"controller.tunable.{error}") from None
+    sources = {part: values[part].pop("sources", {}) for part in ("tuner", "objective")}
+    build = values["tuner"]
+    try:
+        tuner = instantiate(build.get("build"), _convert_="all")
+    except Exception as error:  # whatever a tuner says of its parameters
+        raise DescriptionError(f"tuner.build: {error.__cause__ or error}") from None
+    return Tuning(
+        name=values["name"] or f"{choices['tuner']}_{cell.names.controller}",
+        tuner_name=str(choices["tuner"]),
+        objective_name=str(choices["objective"]),
+        cells=(cell, *_further_cells(values["worlds"], config, choices, composed)),
+        tuner=tuner,
+        dimensions=dimensions,
+        objective=describe(Objective, values["objective"], "objective"),
+        budget=values["budget"],
+        seed=values["seed"],
+        configuration={"tuner": build, "objective": values["objective"], "tunable": tunable},
+        sources=sources,
+    )
+
+
+def _further_cells(
+    worlds: Sequence[str], config: DictConfig, choices: Mapping[str, Any], composed: Compose
+) -> list[Cell]:
+    """Return the same cell in further worlds, on the robot that each was drawn for."""
+    groups = [f"{name}={choices[name]}" for name in ("controller", "simulator")]
+    keys = ("episodes", "seed", "start_jitter_m", "start_heading_jitter_rad")
+    words = [*groups, *(f"{key}={config[key]}" for key in keys)]
+    return [cell_of(*composed("run", [*words, f"world={world}"])) for world in worlds]

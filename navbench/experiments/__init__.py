@@ -1,0 +1,1 @@
+"""Experiments: many episodes, as cells, tunings and studies, and where they are kept."""

@@ -1,0 +1,347 @@
+"""The results store: the only file that writes or reads results.
+
+A part is written under a temporary name and renamed, and its name depends only on the work: a killed run loses nothing
+that was finished, and the same work writes the same bytes.
+"""
+
+import json
+import os
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navbench.descriptions.description import DescriptionError
+from navbench.descriptions.record import CellKey, RobotRecord, StudyCell, TuningKey
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+SCHEMA_VERSION = 1
+PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "pybullet", "hydra-core", "scipy")
+STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
+
+
+class ResultsError(DescriptionError):
+    """A results directory that cannot be read or must not be written to."""
+
+
+class Results:
+    """One results directory.
+
+    Args:
+        path: the directory; it need not exist yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def begin(
+        self, cells: Sequence[StudyCell], tunings: Sequence[TuningKey] = (), study: Mapping[str, Any] | None = None
+    ) -> None:
+        """Make the directory and write the manifest of what is about to run.
+
+        A run refuses a directory with results of other work. A study takes up what it left there.
+
+        Args:
+            cells: what will run, as far as it is known.
+            tunings: what will be searched.
+            study: the study's name, claims and report as plain values; None for a run.
+
+        Raises:
+            ResultsError: the directory holds results of other work.
+        """
+        manifest = {
+            "schema_version": SCHEMA_VERSION,
+            "study": study,
+            "cells": [_described(cell) for cell in cells],
+            "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
+            "versions": {name: version(name) for name in PACKAGES},
+            "python": platform.python_version(),
+            "platform": f"{platform.system()} {platform.machine()}",
+            "began": _now(),
+            "ended": None,
+        }
+        if (self.path / "manifest.json").exists():
+            old = self.manifest()
+            if study is None and any(old[key] != manifest[key] for key in ("study", "cells", "tunings")):
+                raise ResultsError(f"{self.path}: holds the results of other work; choose another directory")
+            if study is not None and (old["study"] or {}).get("name") != study["name"]:
+                raise ResultsError(f"{self.path}: holds the results of other work; choose another directory")
+        elif self.path.is_dir() and any(self.path.glob("*/part-*.parquet")):
+            raise ResultsError(f"{self.path}: holds parts without a manifest; choose another directory")
+        self._write_json("manifest.json", manifest)
+
+    def abandon(self) -> None:
+        """Remove what was written of a run of which no batch was finished."""
+        if any((self.path / "episodes").glob("part-*.parquet")):
+            return
+        for kind in ("latency", "trajectories", "episodes"):
+            for part in (self.path / kind).glob("part-*.parquet"):
+                part.unlink()
+            discard_empty(self.path / kind, self.path.absolute())
+        (self.path / "manifest.json").unlink(missing_ok=True)
+
+    def keep_only(self, kinds: Iterable[str], names: Iterable[str]) -> None:
+        """Remove the parts of some kinds whose names are not among these: they are of an earlier form of the work."""
+        kept = set(names)
+        for kind in kinds:
+            for part in (self.path / kind).glob("part-*.parquet"):
+                if part.name not in kept:
+                    part.unlink()
+
+    def end(self) -> None:
+        """Write ``episodes.csv`` for people, and into the manifest when the work ended."""
+        if (self.path / "episodes").is_dir():
+            self._write("episodes.csv", self.episodes().to_csv(index=False).encode())
+        self._write_json("manifest.json", {**self.manifest(), "ended": _now()})
+
+    def has(self, kind: str, name: str) -> bool:
+        """Return whether a part of a kind ("episodes", "evaluations") is there."""
+        return (self.path / kind / name).is_file()
+
+    def write_batch(
+        self, cell: CellKey, episodes: range, records: Iterable[tuple[int, RobotRecord]], trajectories: bool = True
+    ) -> None:
+        """Write a batch's episodes, trajectories and latencies, each as one part, the episodes last.
+
+        Args:
+            cell: the cell that they belong to.
+            episodes: the batch's episodes.
+            records: (episode, record) pairs, in any order.
+            trajectories: whether to keep the trajectories.
+        """
+        ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
+        name = batch_name(cell, episodes)
+        self._write_table(f"latency/{name}", _latency_table(cell, ordered))
+        if trajectories:
+            self._write_table(f"trajectories/{name}", _trajectory_table(cell, ordered))
+        self._write_table(f"episodes/{name}", _episode_table(cell, ordered))
+
+    def write_evaluations(self, tuning: TuningKey, columns: Mapping[str, Any]) -> None:
+        """Write what a tuning evaluated: one row an evaluation, in order.
+
+        Args:
+            tuning: the tuning.
+            columns: each column's values: evaluation, cost, reached, robots and the parameters.
+        """
+        import pyarrow as pa
+
+        count = len(columns["evaluation"])
+        names = {"tuning_id": tuning.tuning_id, "name": tuning.name, "tuner": tuning.tuner, "seed": tuning.seed}
+        table = pa.table({**{key: [value] * count for key, value in names.items()}, **columns})
+        self._write_table(f"evaluations/{tuning_name(tuning)}", table)
+
+    def write_description(self, name: str, columns: Mapping[str, Any]) -> None:
+        """Write a named table that a controller offers of itself."""
+        import pyarrow as pa
+
+        self._write_table(f"descriptions/{name}.parquet", pa.table(dict(columns)))
+
+    def manifest(self) -> dict[str, Any]:
+        """Return the manifest.
+
+        Raises:
+            ResultsError: there is none, or it is of another version of the format.
+        """
+        file = self.path / "manifest.json"
+        if not file.is_file():
+            raise ResultsError(f"{self.path}: no results here: manifest.json is missing")
+        try:
+            manifest: dict[str, Any] = json.loads(file.read_text())
+            found = manifest["schema_version"]
+        except (ValueError, KeyError, TypeError):
+            raise ResultsError(f"{file}: is no manifest of navbench") from None
+        if found != SCHEMA_VERSION:
+            raise ResultsError(f"{file}: schema_version={found}, but this navbench reads {SCHEMA_VERSION}")
+        return manifest
+
+    def episodes(self) -> "pd.DataFrame":
+        """Return the table of episodes: one row a robot and episode, sorted by run, episode and robot."""
+        return self._read("episodes", ["run_id", "episode", "robot_index"])
+
+    def trajectories(self, run_id: str = "") -> "pd.DataFrame":
+        """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time."""
+        return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id)
+
+    def latency(self) -> "pd.DataFrame":
+        """Return how long the controllers took: one row a robot and episode."""
+        return self._read("latency", ["run_id", "episode", "robot_index"])
+
+    def evaluations(self) -> "pd.DataFrame":
+        """Return what the tunings evaluated, sorted by name, tuner, seed and evaluation."""
+        return self._read("evaluations", ["name", "tuner", "seed", "evaluation"])
+
+    def evaluations_of(self, tuning: TuningKey) -> "pd.DataFrame":
+        """Return what one tuning evaluated, in order."""
+        import pandas as pd
+
+        return pd.read_parquet(self.path / "evaluations" / tuning_name(tuning))
+
+    def descriptions(self) -> "dict[str, pd.DataFrame]":
+        """Return the tables that controllers offered of themselves, by name."""
+        import pandas as pd
+
+        files = sorted((self.path / "descriptions").glob("*.parquet"))
+        return {file.stem: pd.read_parquet(file) for file in files}
+
+    def _read(self, kind: str, order: list[str], of: str = "") -> "pd.DataFrame":
+        import pandas as pd
+
+        parts = sorted((self.path / kind).glob(f"part-{of}*.parquet"))
+        if kind in ("trajectories", "latency"):  # a batch's episodes are written last: without them it is unfinished
+            parts = [part for part in parts if self.has("episodes", part.name)]
+        if not parts:
+            raise ResultsError(f"{self.path}: no results here: {kind}/ holds no part" + (f" of {of}" if of else ""))
+        table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
+        return table.sort_values(order, kind="stable", ignore_index=True)
+
+    def _write_table(self, name: str, table: "pa.Table") -> None:
+        import pyarrow.parquet as pq
+
+        with _Replacing(self.path / name) as temporary:
+            pq.write_table(table, temporary, compression="zstd")
+
+    def _write_json(self, name: str, value: Mapping[str, Any]) -> None:
+        self._write(name, (json.dumps(value, indent=2) + "\n").encode())
+
+    def _write(self, name: str, content: bytes) -> None:
+        with _Replacing(self.path / name) as temporary:
+            temporary.write_bytes(content)
+
+
+class _Replacing:
+    """Gives a temporary file beside the wanted one, and renames it when all went well."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+
+    def __enter__(self) -> Path:
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        return self._temporary
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            os.replace(self._temporary, self._file)
+        else:
+            self._temporary.unlink(missing_ok=True)
+
+
+def existing(path: Path) -> Path:
+    """Return the nearest directory at or above a path that is there."""
+    path = path.absolute()
+    return next(folder for folder in (path, *path.parents) if os.path.isdir(folder))
+
+
+def discard_empty(path: Path, there: Path) -> None:
+    """Remove a directory that holds nothing, and those above it that then hold nothing, below one that was there."""
+    path = path.absolute()
+    while path != there and there in path.parents and path.is_dir() and not any(path.iterdir()):
+        path.rmdir()
+        path = path.parent
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def batch_name(cell: CellKey, episodes: range) -> str:
+    """Return the name of a batch's parts: it depends on the work alone."""
+    return f"part-{cell.run_id}-{episodes[0]:06d}-{episodes[-1]:06d}.parquet"
+
+
+def tuning_name(tuning: TuningKey) -> str:
+    """Return the name of a tuning's part: it depends on the work alone."""
+    return f"part-{tuning.tuning_id}.parquet"
+
+
+def _described(cell: StudyCell) -> dict[str, Any]:
+    key = cell.key
+    return {
+        "run_id": key.run_id,
+        "config_hash": key.config_hash,
+        "name": cell.name,
+        "label": cell.label,
+        "tuning": cell.tuning,
+        "tuning_seed": cell.tuning_seed,
+        **key.names._asdict(),
+        "episodes": key.episodes,
+        "seed": key.seed,
+        "configuration": dict(key.configuration),
+        "sources": dict(key.sources),
+    }
+
+
+def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+    import pyarrow as pa
+
+    rows = [
+        {
+            "run_id": cell.run_id,
+            **cell.names._asdict(),
+            "config_hash": cell.config_hash,
+            "seed": cell.seed,
+            "episode": episode,
+            "robot_index": record.robot_index,
+            "outcome": record.outcome,
+            "reason": record.reason,
+            **record.metrics._asdict(),
+        }
+        for episode, record in records
+    ]
+    return pa.Table.from_pylist(rows)
+
+
+def _trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+    import pyarrow as pa
+
+    lengths = [len(record.states) for _, record in records]
+    columns: dict[str, Any] = {
+        "run_id": pa.array([cell.run_id] * sum(lengths), pa.string()),
+        "episode": np.repeat([episode for episode, _ in records], lengths),
+        "robot_index": np.repeat([record.robot_index for _, record in records], lengths),
+    }
+    states = np.concatenate([record.states for _, record in records])
+    columns |= {name: states[:, i] for i, name in enumerate(STATES)}
+    for name in dict.fromkeys(name for _, record in records for name in record.trace_names):
+        column = f"trace_{name}" if name in columns else str(name)  # a trace never hides a column of the trajectory
+        columns[column] = np.concatenate([_trace(record, name) for _, record in records])
+    return pa.table(columns)
+
+
+def _trace(record: RobotRecord, name: str) -> Any:
+    if name in record.trace_names:
+        return record.traces[:, record.trace_names.index(name)]
+    return np.full(len(record.states), np.nan)
+
+
+def _latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+    import pyarrow as pa
+
+    rows = []
+    for episode, record in records:
+        times = record.latencies_s if len(record.latencies_s) else np.array([np.nan])
+        rows.append(
+            {
+                "run_id": cell.run_id,
+                "episode": episode,
+                "robot_index": record.robot_index,
+                "acts": len(record.latencies_s),
+                "act_median_s": float(np.median(times)),
+                "act_p99_s": float(np.quantile(times, 0.99)),
+                "act_max_s": float(times.max()),
+            }
+        )
+    return pa.Table.from_pylist(rows)
+
+
+def write_table(file: Path, text: str) -> None:
+    """Write a table beside results, whole or not at all."""
+    with _Replacing(file) as temporary:
+        temporary.write_text(text)

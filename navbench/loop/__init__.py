@@ -1,0 +1,1 @@
+"""The loop: one episode of controllers in a world."""

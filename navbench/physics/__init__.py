@@ -1,0 +1,1 @@
+"""Physics: how bodies move, and what the simulator says of rays and contacts."""

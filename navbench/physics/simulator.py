@@ -1,0 +1,383 @@
+"""The simulator: exact arcs move the robots, PyBullet answers what a ray hits and what touches.
+
+The only file that imports pybullet. Everything is simulated in units in which a robot's radius is between 4 and 8,
+because PyBullet's ray tolerance is an absolute 0.001 units; the factor is a power of two, so converting is exact.
+Round bodies are spheres centred on the sensor plane, where all rays run, so ranges are exact for circles in the plane.
+"""
+
+import ctypes
+import math
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.contract import Pose
+from navbench.descriptions.record import Outcome
+from navbench.descriptions.robot import Robot
+from navbench.descriptions.sensors import Sensors
+from navbench.descriptions.simulation import SimulatorOptions
+from navbench.descriptions.world import World, place_movers
+from navbench.physics.drive import Drive
+from navbench.physics.motion import NOT_YET, ROBOT, count_clearance, hold, measure_clearance, move, stop_at_arrival
+from navbench.physics.rays import Rays
+
+
+@contextmanager
+def _silent(descriptor: int) -> Iterator[None]:
+    """Keep what PyBullet prints about itself off a stream: 1, which belongs to the tables, or 2, to the errors."""
+    kept = os.dup(descriptor)
+    with open(os.devnull, "w") as sink:
+        os.dup2(sink.fileno(), descriptor)
+    try:
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # into a pipe, the C library holds its text back until now
+        os.dup2(kept, descriptor)
+        os.close(kept)
+
+
+with _silent(2):
+    import pybullet
+
+FloatArray = NDArray[np.float64]
+
+SUBSTEP_RADII = 0.25  # no body moves further than this in a substep, so none jumps through another
+CONTACT_MARGIN_RADII = 0.05  # PyBullet is asked for contacts only where the analytic clearance is below this
+HAIR_RADII = 1e-6  # rounding
+WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
+
+
+class Event(NamedTuple):
+    """A robot's end: which one, how, why, and when [s]."""
+
+    robot_index: int
+    outcome: Outcome
+    reason: str
+    t_s: float
+
+
+class Simulator:
+    """One world with its robots in PyBullet; reset it for each episode, close it at the end.
+
+    Everything is made anew for each episode: the engine's search tree remembers what was moved in it, and where two
+    obstacles touch, the order in which it finds them shows in the last digits of a range.
+
+    Args:
+        world: where the robots drive.
+        robot: every robot's body.
+        sensors: the suite that each robot carries, already scaled to the robot.
+        options: how to simulate.
+        accel_max_mps2: the wheel-acceleration limit in force [m/s^2], None for none.
+    """
+
+    def __init__(
+        self, world: World, robot: Robot, sensors: Sensors, options: SimulatorOptions, accel_max_mps2: float | None
+    ) -> None:
+        self.world, self.robot, self.options = world, robot, options
+        self._accel_max_mps2 = accel_max_mps2
+        self._scale = 2.0 ** math.ceil(math.log2(4.0 / robot.radius_m))
+        line = world.finish_line
+        self._finish_line = np.array([] if line is None else [line.x1_m, line.y1_m, line.x2_m, line.y2_m])
+        self._boxes = world.box_rows()
+        self._discs_at_start = world.disc_rows()
+        self._mover_tables = world.mover_tables()
+        self._mover_speed = max((max(mover.speeds_mps) for mover in world.movers), default=0.0)
+        self._rays = Rays(sensors, robot.radius_m, self._scale)
+        with _silent(1):
+            self._client = pybullet.connect(pybullet.GUI if options.gui else pybullet.DIRECT)
+        if self._client < 0:
+            raise RuntimeError("PyBullet could not be started; simulator.gui=true needs a display")
+        if options.gui:
+            self._look_from_above()
+        self._names: dict[int, str] = {}
+        self._robot_bodies: list[int] = []
+        self._mover_bodies: list[int] = []
+        self.robots = np.zeros(len(world.starts), ROBOT)
+
+    def __enter__(self) -> "Simulator":
+        """Return the simulator itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the simulator."""
+        self.close()
+
+    def close(self) -> None:
+        """Disconnect from PyBullet."""
+        if pybullet.isConnected(self._client):
+            with _silent(1):
+                pybullet.disconnect(self._client)
+
+    def reset(self, starts: Sequence[Pose]) -> None:
+        """Begin an episode with one robot at each start."""
+        pybullet.resetSimulation(physicsClientId=self._client)
+        self._names = {}
+        for i, box in enumerate(self.world.solids()):
+            kind = f"box {i}" if i < len(self.world.boxes) else f"wall {i - len(self.world.boxes)}"
+            self._add_box(kind, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
+        for i, disc in enumerate(self.world.discs):
+            self._add_round(f"disc {i}", disc.x_m, disc.y_m, disc.radius_m, mass=0.0, colour=(0.5, 0.5, 0.5, 1.0))
+        self._discs = self._discs_at_start.copy()
+        self._robot_bodies = [
+            self._add_round(f"robot {i}", start.x_m, start.y_m, self.robot.radius_m, 1.0, (0.1, 0.4, 0.8, 1.0))
+            for i, start in enumerate(starts)
+        ]
+        self._index = {body: i for i, body in enumerate(self._robot_bodies)}
+        self._mover_bodies = [
+            self._add_round(f"mover {i}", x, y, radius, 0.0, (0.9, 0.5, 0.1, 1.0))
+            for i, (x, y, radius, _, _) in enumerate(self._discs[len(self.world.discs) :].tolist())
+        ]
+        self.robots = np.zeros(len(starts), ROBOT)
+        for i, (start, goal) in enumerate(zip(starts, self.world.goals, strict=True)):
+            self.robots[["x_m", "y_m", "heading_rad", "goal_x_m", "goal_y_m", "min_clearance_m", "running"]][i] = (
+                *start, goal.x_m, goal.y_m, math.inf, 1,
+            )  # fmt: skip
+        self._drive = Drive(self.robot, self.options, self._accel_max_mps2, len(starts))
+        self.touching = [False] * len(starts)
+        self.contacts = [0] * len(starts)
+        self._held_m: list[float | None] = [None] * len(starts)  # clearance where a robot was held
+        self._blocked = False
+        self._running = len(starts)
+        self._poses = np.empty((len(starts), 4))
+        self._posed = False
+        measure_clearance(self.robots, self._boxes, self._discs, self.robot.radius_m)
+        count_clearance(self.robots)
+
+    def rows(self) -> list[tuple[float, ...]]:
+        """Return what is known of each robot now, as plain tuples in the order of ``ROBOT``."""
+        return self.robots.tolist()  # type: ignore[return-value]
+
+    @property
+    def running(self) -> int:
+        """How many robots have no outcome yet."""
+        return self._running
+
+    def tracked_discs(self, index: int) -> FloatArray:
+        """Return discs, movers and the other robots as seen from nowhere: (n, 5) x, y, radius, vx, vy [m, m/s]."""
+        others = [
+            (row[0], row[1], self.robot.radius_m, *_velocity(row)) for i, row in enumerate(self.rows()) if i != index
+        ]
+        return np.concatenate([self._discs, np.array(others).reshape(-1, 5)])
+
+    def ranges(self, index: int, clearance_m: float) -> FloatArray:
+        """Return what one robot's ring measures without noise: (n_sensors,) [m], largest range where nothing is.
+
+        PyBullet is asked only where something is near enough to be hit.
+
+        Args:
+            index: which robot.
+            clearance_m: its present clearance, as in its row of ``robots`` [m].
+        """
+        rays = self._rays
+        if clearance_m > rays.reach_m:
+            return rays.nothing.copy()
+        if not self._posed:
+            self._pose_bodies()
+        hits = pybullet.rayTestBatch(
+            rays.begins, rays.ends, parentObjectUniqueId=self._robot_bodies[index], physicsClientId=self._client
+        )
+        ranges = rays.read([hit[2] for hit in hits])
+        if self.touching[index] or clearance_m <= rays.exposed_m:
+            row = self.robots[index]
+            rays.bury(ranges, row["x_m"], row["y_m"], row["heading_rad"], self._boxes, self.tracked_discs(index))
+        return ranges
+
+    def command(self, index: int, v_mps: float, w_radps: float) -> None:
+        """Set one robot's command for the coming period, see ``Drive.command``."""
+        self._drive.command(index, v_mps, w_radps)
+
+    def advance(self, t_s: float, dt_s: float) -> list[Event]:
+        """Move everything through one control period and return the ends that came in it.
+
+        Args:
+            t_s: the period's beginning [s].
+            dt_s: its length [s].
+        """
+        events: list[Event] = []
+        new_period = True
+        for begin_s, duration_s in self._drive.segments(t_s, dt_s):
+            fastest = max(self._drive.fastest_mps, self._mover_speed)
+            substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * self.robot.radius_m) - 1e-9))
+            h = duration_s / substeps
+            for k in range(substeps):
+                self._substep(begin_s + k * h, h, new_period, events)
+                new_period = False
+                if not self._running:
+                    return events
+        if self.options.gui:
+            self._show(dt_s)
+        return events
+
+    def _substep(self, t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
+        if self._mover_speed:
+            place_movers(t_s + h, *self._mover_tables, self._discs)
+        track = self.robot.track_m
+        least, arrived = move(
+            self.robots,
+            self._drive.in_force,
+            self._boxes,
+            self._discs,
+            self._finish_line,
+            h,
+            self.robot.radius_m,
+            track,
+            self._drive.accel_max_mps2,
+            self._drive.lag_s,
+            self.world.goal_tolerance_m,
+            new_period,
+        )
+        self._posed = False
+        near = least <= CONTACT_MARGIN_RADII * self.robot.radius_m
+        if near or arrived or self._blocked:
+            self._settle(t_s, h, self._contacts() if near else {}, events)
+        else:
+            count_clearance(self.robots)
+
+    def _settle(self, t_s: float, h: float, hit: dict[int, str], events: list[Event]) -> None:
+        """Put back who is blocked or has arrived, count clearances there, and end who has an outcome."""
+        blocks = self.options.on_collision == "block"
+        if blocks:
+            fresh = hit
+            while fresh:  # one that is held may now stand in another's way
+                for i in fresh:
+                    hold(self.robots, i, h, self.robot.track_m)
+                found = self._contacts()
+                fresh = {i: reason for i, reason in found.items() if i not in hit}
+                hit = {**found, **hit}
+        arrivals = {
+            i: arrival_s
+            for i, arrival_s in enumerate(self.robots["arrival_s"].tolist())
+            if arrival_s != NOT_YET and i not in hit and self.robots[i]["running"]
+        }
+        for i in arrivals:
+            stop_at_arrival(self.robots, i, h, self.robot.track_m)
+        self._posed = False
+        measure_clearance(self.robots, self._boxes, self._discs, self.robot.radius_m)
+        count_clearance(self.robots)
+        if blocks:
+            self._count_contacts(hit)
+        else:
+            for i, reason in hit.items():
+                self._end(Event(i, "collided", reason, t_s + h), events)
+        for i, arrival_s in arrivals.items():
+            self._end(Event(i, "reached", "", t_s + arrival_s), events)
+
+    def _contacts(self) -> dict[int, str]:
+        """Return what each running robot touches now, by robot index."""
+        self._pose_bodies()
+        pybullet.performCollisionDetection(physicsClientId=self._client)
+        hit: dict[int, str] = {}
+        for point in pybullet.getContactPoints(physicsClientId=self._client):
+            if point[8] > 0.0:
+                continue
+            for body, other in ((point[1], point[2]), (point[2], point[1])):
+                i = self._index.get(body)
+                if i is not None and self.robots[i]["running"]:
+                    reason = f"hit {self._names[other]}"
+                    hit[i] = min(hit.get(i, reason), reason)
+        return dict(sorted(hit.items()))
+
+    def _count_contacts(self, hit: dict[int, str]) -> None:
+        """Count each contact once: it lasts until the robot is further from things than where it was held."""
+        for i, clearance_m in enumerate(self.robots["clearance_m"].tolist()):
+            held_m = self._held_m[i]
+            if i in hit:
+                self.contacts[i] += held_m is None
+                self._held_m[i] = clearance_m if held_m is None else max(held_m, clearance_m)
+            elif held_m is not None and clearance_m > held_m + HAIR_RADII * self.robot.radius_m:
+                self._held_m[i] = None
+            self.touching[i] = i in hit
+        self._blocked = any(held_m is not None for held_m in self._held_m)
+
+    def _end(self, event: Event, events: list[Event]) -> None:
+        self.stop(event.robot_index)
+        self.contacts[event.robot_index] += event.outcome == "collided"
+        events.append(event)
+
+    def stop(self, index: int) -> None:
+        """Take one robot out of the episode: it stays where it is, as an obstacle."""
+        self.robots[index]["running"] = 0
+        self.robots[index]["arrival_s"] = NOT_YET
+        self._running -= 1
+
+    def _pose_bodies(self) -> None:
+        """Write the present poses into PyBullet."""
+        _scaled_poses(self.robots, self._scale, self._poses)
+        pose, client = pybullet.resetBasePositionAndOrientation, self._client
+        for body, (x, y, sine, cosine) in zip(self._robot_bodies, self._poses.tolist(), strict=True):
+            pose(body, (x, y, 0.0), (0.0, 0.0, sine, cosine), physicsClientId=client)
+        if self._mover_bodies:
+            movers = self._discs[-len(self._mover_bodies) :, :2] * self._scale
+            for body, (x, y) in zip(self._mover_bodies, movers.tolist(), strict=True):
+                pose(body, (x, y, 0.0), (0.0, 0.0, 0.0, 1.0), physicsClientId=client)
+        self._posed = True
+
+    def _add_box(self, name: str, x_m: float, y_m: float, length_m: float, width_m: float, heading_rad: float) -> None:
+        s = self._scale
+        half = [0.5 * length_m * s, 0.5 * width_m * s, WALL_HEIGHT_RADII * self.robot.radius_m * s]
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
+        self._add(name, shape, -1, 0.0, x_m, y_m, heading_rad)
+
+    def _add_round(
+        self, name: str, x_m: float, y_m: float, radius_m: float, mass: float, colour: tuple[float, ...]
+    ) -> int:
+        radius = radius_m * self._scale
+        shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client)
+        visual = -1
+        if self.options.gui:
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER, radius=radius, length=radius, rgbaColor=colour, physicsClientId=self._client
+            )
+        return self._add(name, shape, visual, mass, x_m, y_m, 0.0)
+
+    def _add(self, name: str, shape: int, visual: int, mass: float, x_m: float, y_m: float, heading_rad: float) -> int:
+        body: int = pybullet.createMultiBody(
+            mass,
+            shape,
+            visual,
+            (x_m * self._scale, y_m * self._scale, 0.0),
+            (0.0, 0.0, math.sin(0.5 * heading_rad), math.cos(0.5 * heading_rad)),
+            physicsClientId=self._client,
+        )
+        self._names[body] = name
+        return body
+
+    def _look_from_above(self) -> None:
+        """Turn the window's camera to the whole world, and hide the window's own panels."""
+        b, s = self.world.bounds, self._scale
+        centre = (0.5 * (b.x_min_m + b.x_max_m) * s, 0.5 * (b.y_min_m + b.y_max_m) * s, 0.0)
+        size = max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m) * s
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._client)
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_SHADOWS, 0, physicsClientId=self._client)
+        pybullet.resetDebugVisualizerCamera(size, 0.0, -89.9, centre, physicsClientId=self._client)
+
+    def _show(self, dt_s: float) -> None:
+        """Show the present poses and wait, so that the window runs in real time."""
+        self._pose_bodies()
+        now = time.monotonic()
+        self._due = max(getattr(self, "_due", now), now - dt_s) + dt_s
+        time.sleep(max(0.0, self._due - now))
+
+
+def _velocity(row: tuple[float, ...]) -> tuple[float, float]:
+    """Return a robot's velocity (vx, vy) [m/s] from its row of ``ROBOT``; an ended one stands."""
+    v = 0.5 * (row[3] + row[4]) if row[11] else 0.0
+    return v * math.cos(row[2]), v * math.sin(row[2])
+
+
+@numba.njit(cache=True)
+def _scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> None:
+    """Write each robot's x, y in simulation units and the sine and cosine of half its heading."""
+    for i in range(robots.shape[0]):
+        half = 0.5 * robots[i].heading_rad
+        poses[i, 0], poses[i, 1] = robots[i].x_m * scale, robots[i].y_m * scale
+        poses[i, 2], poses[i, 3] = math.sin(half), math.cos(half)

@@ -1,0 +1,1 @@
+"""Reading: tables, figures, claims and reports, from stored results only."""

@@ -1,0 +1,254 @@
+"""Sections of a report that are figures: overlaid ways and speeds, phases, memberships and surfaces."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navbench.descriptions.description import describe
+from navbench.descriptions.robot import Robot
+from navbench.reading.figures import (
+    PALETTE,
+    Style,
+    draw_circle,
+    draw_world,
+    new_figure,
+    save_figure,
+    styles,
+    thinned,
+)
+from navbench.reading.markup import number, save_table
+from navbench.reading.phases import phases as phases_of
+from navbench.reading.stored import Reading
+from navbench.reading.study_tables import description
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Select = Mapping[str, Any]
+MARGIN_M = 0.2  # of a picture around the ways that it shows
+THINNED_M = 0.001  # what a drawn way may stray from the driven one
+NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
+
+
+def trajectories(
+    reading: Reading,
+    out: Path,
+    *,
+    file: str,
+    caption: str,
+    select: Select,
+    panels: Mapping[str, str],
+    labels: Sequence[str],
+    columns: int = 2,
+) -> str:
+    """Return the ways of several controllers over each other, a panel a world, cut to where the robots went.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        select: which cells.
+        panels: each panel's title and world.
+        labels: whose ways, the first below the others, which are dashed.
+        columns: how many panels stand side by side.
+    """
+    columns = min(columns, len(panels))
+    figure, axes = new_figure(-(-len(panels) // columns), columns, 4.4, 4.2)
+    style = styles(reading.labels)
+    for ax, (title, world) in zip(axes.ravel(), panels.items(), strict=False):
+        records = reading.select(**select, world=world, label=list(labels)).to_dict("records")
+        draw_world(ax, reading.world(records[0]["run_id"]))
+        ways = [(row, reading.way(row)) for row in records]
+        for row, way in ways:
+            _draw_way(ax, way, style[row["label"]], labels.index(row["label"]), row["tuning_seed"] > 0)
+            if row["outcome"] != "reached":
+                ax.plot(way["x_m"].iloc[-1], way["y_m"].iloc[-1], "X", color=style[row["label"]].color, zorder=20)
+        robot = describe(Robot, reading.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")
+        first = ways[0][1].iloc[0]
+        draw_circle(ax, first["x_m"], first["y_m"], robot.radius_m)
+        _cut(ax, [way for _, way in ways])
+        ax.set_title(title)
+    for ax in axes.ravel()[len(panels) :]:
+        ax.set_axis_off()
+    _legend(figure, style, labels, columns)
+    return save_figure(figure, out, file, caption)
+
+
+def velocities(
+    reading: Reading,
+    out: Path,
+    *,
+    file: str,
+    caption: str,
+    select: Select,
+    panels: Mapping[str, str],
+    labels: Sequence[str],
+) -> str:
+    """Return the forward speed and the turning rate over time, a column a world.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        select: which cells; where one has been tuned several times, its first tuning is drawn.
+        panels: each column's title and world.
+        labels: whose speeds.
+    """
+    figure, axes = new_figure(2, len(panels), 5.4, 2.6, sharex="col", sharey="row")
+    style = styles(reading.labels)
+    for column, (title, world) in zip(axes.T, panels.items(), strict=True):
+        for depth, label in enumerate(labels):
+            row = reading.select(**select, world=world, label=label).to_dict("records")[0]
+            way = reading.way(row).iloc[:-1]
+            for ax, name in zip(column, ("v_mps", "w_radps"), strict=True):
+                ax.step(way["t_s"], way[name], where="post", color=style[label].color, linewidth=1.1, zorder=9 - depth)
+        column[0].set_title(title)
+        column[1].set_xlabel("t [s]")
+    axes[0, 0].set_ylabel("v [m/s]")
+    axes[1, 0].set_ylabel("w [rad/s]")
+    for ax in axes.ravel():
+        ax.grid(alpha=0.3)
+    plain = {label: style[label]._replace(dashes=(0.0, ())) for label in labels}
+    _legend(figure, plain, labels, len(labels))
+    return save_figure(figure, out, file, caption)
+
+
+def phases(reading: Reading, out: Path, *, file: str, caption: str, select: Select) -> str:
+    """Return what a robot under aouf2019's arbitration went through, on its way and as a table.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        select: one cell of one episode.
+    """
+    row = reading.select(**select).to_dict("records")[0]
+    way = reading.way(row).reset_index(drop=True)
+    figure, axes = new_figure(1, 1, 5.2, 5.0)
+    ax = axes[0, 0]
+    draw_world(ax, reading.world(row["run_id"]))
+    follows = (way["behavior"] == 1.0).to_numpy()
+    for holds, color, name in ((~follows, PALETTE[0], "go to goal"), (follows, PALETTE[2], "follow wall")):
+        shown = holds | np.roll(holds, 1)  # each piece reaches the beginning of the next
+        ax.plot(way["x_m"].where(shown), way["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)
+    goal = reading.world(row["run_id"]).goals[row["robot_index"]]
+    raw = []
+    for i, phase in enumerate(phases_of(way, row["outcome"]), 1):
+        at = way.iloc[phase.row]
+        away_m = math.hypot(goal.x_m - at["x_m"], goal.y_m - at["y_m"])
+        raw.append([i, phase.name, at["t_s"], at["x_m"], at["y_m"], away_m])
+    _number_places(ax, raw)
+    _cut(ax, [way])
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    names = ["number", "phase", "t_s", "x_m", "y_m", "goal_distance_m"]
+    rows = [[str(i), name, *(number(value, 2) for value in values)] for i, name, *values in raw]
+    headers = ["", "phase", "t [s]", "x [m]", "y [m]", "to the goal [m]"]
+    table = save_table(out, file, _frame(raw, names), headers, rows)
+    return f"{save_figure(figure, out, file, caption)}\n{table}"
+
+
+def memberships(
+    reading: Reading, out: Path, *, file: str, caption: str, table: str, axes: Mapping[str, Mapping[str, Any]]
+) -> str:
+    """Return the fuzzy sets that a controller offers of itself, a panel a variable.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        table: the name of the described table: variable, term, x, degree at the sets' corners.
+        axes: for each variable its ``title``, and the ``low`` and ``high`` end of what is shown.
+    """
+    described = description(reading, table)
+    figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
+    for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
+        sets = described[described["variable"] == variable]
+        for i, (term, corners) in enumerate(sets.groupby("term", sort=False)):
+            color = PALETTE[i % len(PALETTE)]
+            ax.plot(corners["x"], corners["degree"], color=color, linewidth=1.4)
+            top = corners[corners["degree"] == 1.0]["x"].clip(axis["low"], axis["high"])
+            ax.annotate(
+                str(term), (top.mean(), 1.0), (0, 3), textcoords="offset points", ha="center", color=color, fontsize=9
+            )
+        ax.set(xlim=(axis["low"], axis["high"]), ylim=(0.0, 1.2), xlabel=axis["title"], ylabel="degree")
+        ax.margins(x=0.02)
+    return save_figure(figure, out, file, caption)
+
+
+def surface(reading: Reading, out: Path, *, file: str, caption: str, table: str) -> str:
+    """Return the control surface of a controller of one input: what it answers to each heading error.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        table: the name of the described table: phi_rad, v_mps, w_radps.
+    """
+    described = description(reading, table)
+    figure, axes = new_figure(1, 2, 4.4, 3.0)
+    for ax, name, title in zip(axes.ravel(), ("v_mps", "w_radps"), ("v [m/s]", "w [rad/s]"), strict=True):
+        ax.plot(np.degrees(described["phi_rad"]), described[name], color=PALETTE[0])
+        ax.set(xlabel="heading error [degrees]", ylabel=title, xlim=(-90.0, 90.0), xticks=range(-90, 91, 30))
+        ax.grid(alpha=0.3)
+    return save_figure(figure, out, file, caption)
+
+
+def _draw_way(ax: "Axes", way: "pd.DataFrame", style: Style, rank: int, faint: bool) -> None:
+    """Draw a way; of several tunings the first one strongly, the others behind it."""
+    x_m, y_m = thinned(way[["x_m", "y_m"]].to_numpy(), THINNED_M).T
+    if faint:
+        ax.plot(x_m, y_m, color=style.color, linewidth=0.7, alpha=0.35, zorder=4)
+    else:
+        ax.plot(x_m, y_m, color=style.color, linewidth=1.7, linestyle=style.dashes, zorder=5 + rank)
+
+
+def _cut(ax: "Axes", ways: Sequence["pd.DataFrame"]) -> None:
+    """Cut a picture to a square around the ways, and no further than it reached."""
+    limits = []
+    for name, (low, high) in (("x_m", ax.get_xlim()), ("y_m", ax.get_ylim())):
+        least = min(way[name].min() for way in ways) - MARGIN_M
+        most = max(way[name].max() for way in ways) + MARGIN_M
+        limits.append((max(least, low), min(most, high)))
+    width = max(high - low for low, high in limits)
+    centres = [0.5 * (low + high) for low, high in limits]
+    ax.set(
+        xlim=(centres[0] - 0.5 * width, centres[0] + 0.5 * width),
+        ylim=(centres[1] - 0.5 * width, centres[1] + 0.5 * width),
+    )
+
+
+def _legend(figure: Any, style: Mapping[str, Style], labels: Sequence[str], columns: int) -> None:
+    from matplotlib.lines import Line2D
+
+    lines = [
+        Line2D([], [], color=style[label].color, linewidth=1.7, linestyle=(0.0, style[label].dashes[1]), label=label)
+        for label in labels
+    ]
+    count = min(len(labels), 2 * columns)
+    figure.legend(handles=lines, loc="outside lower center", ncols=count, frameon=False, handlelength=4.0)
+
+
+def _number_places(ax: "Axes", raw: Sequence[Sequence[Any]]) -> None:
+    """Write the numbers of the phases beside the way, those of one place together."""
+    places: dict[tuple[float, float], list[str]] = {}
+    for i, _, _, x_m, y_m, _ in raw:
+        ax.plot(x_m, y_m, "o", color="black", markersize=4, zorder=8)
+        near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < NEAR_M), (x_m, y_m))
+        places.setdefault(near, []).append(str(i))
+    for place, names in places.items():
+        ax.annotate(", ".join(names), place, (8, -4), textcoords="offset points", fontsize=9, zorder=9)
+
+
+def _frame(rows: Sequence[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame":
+    import pandas as pd
+
+    return pd.DataFrame(rows, columns=list(names))

@@ -1,0 +1,1 @@
+"""Tuners: how to search a controller's parameters."""
