@@ -16,13 +16,15 @@ import numpy as np
 import pybullet
 
 from navbench.contract import Command, Observation, Setup
+from navbench.descriptions.obstacles import Bounds, Disc, Point
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Mount, Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Bounds, Disc, Point, Start, World
+from navbench.descriptions.world import Start, World
 from navbench.door.configuration import compose_cell
-from navbench.loop.episode import EpisodeRunner, Jitter
+from navbench.loop.episode import EpisodeRunner
 from navbench.loop.similarity import Native
+from navbench.loop.starts import Jitter
 
 ROUNDS = 7
 SECONDS = 0.7  # of CPU time a measurement

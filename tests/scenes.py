@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup
+from navbench.descriptions.obstacles import Bounds, Mover, Point
 from navbench.descriptions.record import RobotRecord
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Mount, Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Bounds, Mover, Point, Start, World
-from navbench.loop.episode import EpisodeRunner, Jitter
+from navbench.descriptions.world import Start, World
+from navbench.loop.episode import EpisodeRunner
 from navbench.loop.similarity import Native
+from navbench.loop.starts import Jitter
+from navbench.physics.scene import Scene
 from navbench.physics.simulator import Event, Simulator
 
 FloatArray = NDArray[np.float64]
@@ -76,11 +79,12 @@ def a_simulator(
     poses: Sequence[Pose] | None = None,
 ) -> Simulator:
     """Return a simulator with its robots at these poses, or at the world's starts."""
-    simulator = Simulator(world, robot, sensors.scaled_to(robot.radius_m), options, robot.wheel_accel_max_mps2)
+    simulator = Simulator(robot, sensors.scaled_to(robot.radius_m), options, robot.wheel_accel_max_mps2)
     simulator.reset(
+        Scene(world),
         [Pose(start.x_m, start.y_m, world.start_heading_rad(i)) for i, start in enumerate(world.starts)]
         if poses is None
-        else poses
+        else poses,
     )
     return simulator
 

@@ -34,7 +34,7 @@ SOURCES = {
 
 def a_record(outcome: Any = "reached", time_s: float = 10.0, length_m: float = 3.0, **changes: Any) -> RobotRecord:
     """Return what a robot did that drove straight ahead."""
-    metrics = Metrics(length_m, time_s, int(outcome == "collided"), 0.1, length_m / time_s, 1.0, 0.5, 2)
+    metrics = Metrics(length_m, time_s, int(outcome == "collided"), 0.1, length_m / time_s, 1.0, 0.5, 2, 0, 0, 0.0)
     t_s = np.linspace(0.0, time_s, 5)
     speed = np.full(5, length_m / time_s)
     states = np.column_stack([t_s, 0.29 * t_s, 0.0 * t_s, 0.0 * t_s, speed, 0.0 * t_s])

@@ -27,12 +27,13 @@ from scenes import (
 
 from navbench.contract import Command, Controller, Observation, Setup
 from navbench.descriptions.description import DescriptionError
+from navbench.descriptions.obstacles import Box, Disc, Point, Wall
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Odometry, Tracker
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Box, Disc, FinishLine, Point, Start, Wall, World
-from navbench.loop.episode import Jitter
+from navbench.descriptions.world import FinishLine, Start, World
 from navbench.loop.similarity import Native
+from navbench.loop.starts import Jitter
 from navbench.mathematics.kinematics import advance_arc, closest_approach
 from navbench.mathematics.streams import stream
 

@@ -5,6 +5,8 @@ import pytest
 
 from navbench.mathematics.geometry import box_distance, distance_to_nearest, segment_crossing, wrap_angle
 
+NO_POLYGONS = np.empty((0, 5))
+
 
 def distance_to_edge(p: complex, a: complex, b: complex) -> float:
     """Return the distance from a point to a segment, all as complex numbers."""
@@ -93,12 +95,12 @@ def test_the_nearest_of_boxes_and_discs_decides() -> None:
         to_discs = [abs(complex(x - cx, y - cy)) - radius for cx, cy, radius in discs.tolist()]
         rows = np.array([as_row(box) for box in boxes]).reshape(-1, 6)
         won_by_disc += min(to_discs) <= min(to_boxes, default=math.inf)
-        assert distance_to_nearest(x, y, rows, discs) == pytest.approx(min(to_boxes + to_discs), abs=1e-12)
+        assert distance_to_nearest(x, y, rows, discs, NO_POLYGONS) == pytest.approx(min(to_boxes + to_discs), abs=1e-12)
     assert 100 < won_by_disc < 400
 
 
 def test_nothing_is_infinitely_far() -> None:
-    assert distance_to_nearest(1.0, 2.0, np.empty((0, 6)), np.empty((0, 3))) == math.inf
+    assert distance_to_nearest(1.0, 2.0, np.empty((0, 6)), np.empty((0, 3)), NO_POLYGONS) == math.inf
 
 
 def test_a_way_crosses_a_segment_at_the_solution_of_the_two_lines() -> None:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scenes import a_ring, a_robot, a_world, always, run_one
 
 from navbench.contract import Observation, Pose
+from navbench.descriptions.obstacles import Disc
 from navbench.descriptions.sensors import Mount, Odometry, Sensors, Tracker
-from navbench.descriptions.world import Disc
 from navbench.loop.perception import Perception
 from navbench.loop.similarity import Similarity
 from navbench.mathematics.kinematics import advance_arc

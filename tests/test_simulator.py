@@ -8,9 +8,10 @@ import pytest
 from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, to_and_fro
 
 from navbench.contract import Pose
+from navbench.descriptions.obstacles import Box, Disc, Point, Wall
 from navbench.descriptions.sensors import RAYS_MAX, Mount, Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Box, Disc, Point, Start, Wall, World
+from navbench.descriptions.world import Start, World
 from navbench.mathematics.kinematics import advance_arc
 from navbench.physics import simulator as simulator_module
 from navbench.physics.simulator import Simulator
@@ -454,7 +455,7 @@ def test_contact_is_decided_as_the_analytic_clearance_says(radius_m: float) -> N
                         inside = middle
                 place = inside + radius_m * 10.0 ** rng.uniform(-6.0, -0.5) * np.exp(1j * rng.uniform(-4.0, 4.0))
                 gap = clearance(shapes, complex(place), radius_m) / radius_m
-                simulator.reset([Pose(place.real, place.imag, rng.uniform(-3.0, 3.0)), other])
+                simulator.reset(simulator.scene, [Pose(place.real, place.imag, rng.uniform(-3.0, 3.0)), other])
                 hit = any(event.robot_index == 0 for event in simulator.advance(0.0, 1e-12))
                 touched += hit
                 free += not hit
@@ -478,7 +479,7 @@ def test_contacts_are_right_beside_things_that_are_huge_or_tiny(radius_m: float)
     for thing in things:
         with a_simulator(a_world(starts=start, **thing), a_robot(radius_m)) as simulator:
             for gap, expected in ((hair, 0), (-hair, 1), (-0.2 * radius_m, 1)):
-                simulator.reset([Pose(0.0, small + radius_m + gap, 0.0)])
+                simulator.reset(simulator.scene, [Pose(0.0, small + radius_m + gap, 0.0)])
                 assert len(simulator.advance(0.0, 1e-12)) == expected
 
 
@@ -492,7 +493,7 @@ def test_the_reason_names_what_was_hit() -> None:
     places = {"box 1": (1.0, 0.0), "wall 0": (-2.5, 3.0), "disc 0": (0.0, -1.5), "mover 0": (-8.0, -9.0)}
     with a_simulator(world, a_robot()) as simulator:
         for name, (x, y) in places.items():
-            simulator.reset([Pose(x, y, 0.0)])
+            simulator.reset(simulator.scene, [Pose(x, y, 0.0)])
             (event,) = simulator.advance(3.0, 0.1)
             assert (event.outcome, event.reason) == ("collided", f"hit {name}")
             assert event.t_s == pytest.approx(3.1)
@@ -768,12 +769,12 @@ def test_a_blocked_robots_turning_and_way_count_only_what_it_did() -> None:
 def test_an_unbroken_push_counts_once_and_a_second_one_once_more() -> None:
     with a_simulator(a_world(walls=(WALL,)), a_robot(), options=BLOCK) as simulator:
         drive(simulator, [(1.0, 0.0)] * 60, 0.1)
-        assert simulator.contacts == [1]
+        assert [count.total for count in simulator.contacts] == [1]
         drive(simulator, [(-1.0, 0.0)] * 5, 0.1, first_period=60)
         assert simulator.touching == [False]
         assert pose_of(simulator).x_m == pytest.approx(3.5, abs=1e-9)
         drive(simulator, [(1.0, 0.0)] * 20, 0.1, first_period=65)
-        assert simulator.contacts == [2]
+        assert [count.total for count in simulator.contacts] == [2]
         assert simulator.touching == [True]
 
 
@@ -789,7 +790,7 @@ def test_an_unbroken_push_counts_once_and_a_second_one_once_more() -> None:
 def test_an_unbroken_push_of_slow_wheels_counts_once(accel_mps2: float | None, options: SimulatorOptions) -> None:
     with a_simulator(a_world(walls=(WALL,)), a_robot(1.0, 1.0, accel_mps2), options=options) as simulator:
         drive(simulator, [(1.0, 0.0)] * 100, 0.1)
-        assert simulator.contacts == [1]
+        assert [count.total for count in simulator.contacts] == [1]
 
 
 def test_a_blocked_robot_can_leave_in_the_next_period_and_turn_on_the_spot() -> None:
@@ -807,7 +808,7 @@ def test_two_robots_that_push_each_other_are_both_held_and_both_counted_once() -
         assert drive(simulator, [(1.0, 0.0)] * 30, 0.1) == []
         assert pose_of(simulator, 0).x_m == pytest.approx(1.2, abs=1e-9)
         assert pose_of(simulator, 1).x_m == pytest.approx(3.3, abs=1e-9)
-        assert simulator.contacts == [1, 1]
+        assert [count.total for count in simulator.contacts] == [1, 1]
         drive(simulator, [(-1.0, 0.0)] * 3, 0.1, first_period=30)
         assert pose_of(simulator, 0).x_m == pytest.approx(0.9, abs=1e-9)
         assert simulator.touching == [False, False]
@@ -819,7 +820,7 @@ def test_a_robot_that_follows_a_blocked_one_is_never_held_inside_it() -> None:
         for k in range(60):
             drive(simulator, [(1.0, 0.0)], 0.1, first_period=k)
             assert pose_of(simulator, 0).x_m - pose_of(simulator, 1).x_m > 2.0
-        assert simulator.contacts == [1, 1]
+        assert [count.total for count in simulator.contacts] == [1, 1]
         drive(simulator, [(-0.1, 0.0)], 0.1, first_period=60)
         assert simulator.touching == [False, False]
 
@@ -839,7 +840,7 @@ def test_a_mover_over_a_standing_robot_is_one_contact_and_reads_0_where_a_ray_be
             buried += sum(inside)
             assert (got[inside] == 0.0).all()
             assert_readings_are_analytic(got, sensors, pose_of(simulator), 1.0, [Round(place, 0.8)])
-        assert simulator.contacts == [1]
+        assert [count.total for count in simulator.contacts] == [1]
         assert pose_of(simulator) == (0.0, 0.0, 0.0)
         drive(simulator, [(1.0, 0.0)], 0.1, first_period=120)
         assert pose_of(simulator).x_m == pytest.approx(0.1)
@@ -879,7 +880,7 @@ def test_a_reset_forgets_the_last_episode(accel_mps2: float | None) -> None:
         robot = a_robot(1.0, 1.0, accel_mps2)
         fresh, used = (stack.enter_context(a_simulator(world, robot, a_ring(8, 1.0, 6.0), BLOCK)) for _ in range(2))
         drive(used, [(1.0, 0.2)] * 60, 0.9)
-        used.reset([Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
+        used.reset(used.scene, [Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
         for k in range(60):
             for simulator in (fresh, used):
                 drive(simulator, [(0.3, 0.4 * math.sin(k))], 0.9, first_period=k)

@@ -7,10 +7,11 @@ import pytest
 from scenes import a_world, to_and_fro
 
 from navbench.descriptions.description import DescriptionError, describe
+from navbench.descriptions.obstacles import Box, Disc, Point, Wall
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Box, Disc, Point, Start, Wall, World
+from navbench.descriptions.world import Start, World
 
 PLAIN: dict[str, Any] = {
     "name": "plain",

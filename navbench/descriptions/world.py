@@ -1,82 +1,32 @@
 """The world: bounds, obstacles, walls and movers in the plane, and for each robot a start and a goal."""
 
 import math
-from collections.abc import Iterator
+from dataclasses import replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, DescriptionError, Flag, NonNegative, Number, Positive
+from navbench.descriptions.description import STRICT, DescriptionError, Number, Positive
+from navbench.descriptions.layouts import Layout, Room
+from navbench.descriptions.obstacles import (
+    Bounds,
+    Box,
+    Disc,
+    Mover,
+    Point,
+    Polygon,
+    Wall,
+    mover_tables,
+    place_movers,
+    polygon_table,
+)
 from navbench.mathematics.geometry import distance_to_nearest, segment_crossing
+from navbench.mathematics.streams import stream
 
 FloatArray = NDArray[np.float64]
 
 GOAL_BEYOND_LINE_M = 1.0  # a goal behind a finish line is a direction to drive in, so it must not stop the robot early
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Bounds:
-    """The rectangle that holds every centre and frames every picture; it does not block [m]."""
-
-    x_min_m: Number
-    x_max_m: Number
-    y_min_m: Number
-    y_max_m: Number
-
-    def __post_init__(self) -> None:
-        """Check that the rectangle has an inside."""
-        if self.x_min_m >= self.x_max_m or self.y_min_m >= self.y_max_m:
-            raise DescriptionError("x_min_m must be below x_max_m, and y_min_m below y_max_m")
-
-    def hold(self, x_m: float, y_m: float) -> bool:
-        """Return whether a point lies inside or on the edge."""
-        return self.x_min_m <= x_m <= self.x_max_m and self.y_min_m <= y_m <= self.y_max_m
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Box:
-    """A rectangle around its centre, ``length_m`` along its heading and ``width_m`` across it [m, rad]."""
-
-    x_m: Number
-    y_m: Number
-    length_m: Positive
-    width_m: Positive
-    heading_rad: Number = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Disc:
-    """A round obstacle [m]."""
-
-    x_m: Number
-    y_m: Number
-    radius_m: Positive
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Wall:
-    """A straight wall between two points, thickened by half its thickness to either side [m]."""
-
-    x1_m: Number
-    y1_m: Number
-    x2_m: Number
-    y2_m: Number
-    thickness_m: Positive
-
-    def __post_init__(self) -> None:
-        """Check that the wall has a length."""
-        if (self.x1_m, self.y1_m) == (self.x2_m, self.y2_m):
-            raise DescriptionError("a wall's two ends must be different points")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Point:
-    """A point in the plane [m]."""
-
-    x_m: Number
-    y_m: Number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -99,52 +49,6 @@ class FinishLine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Mover:
-    """A disc that drives along way-points and yields to nobody: its place is a function of time.
-
-    Attributes:
-        radius_m: radius [m].
-        waypoints: the points it visits, in order, from the first one at time 0.
-        speeds_mps: one speed a leg [m/s]. n points have n - 1 legs back and forth, or n legs in a cycle.
-        cyclic: from the last point on to the first one; otherwise it turns round and comes back, each leg at its speed.
-        phase_s: how far along its way it is at time 0 [s].
-    """
-
-    radius_m: Positive
-    waypoints: tuple[Point, ...]
-    speeds_mps: tuple[Positive, ...]
-    cyclic: Flag = False
-    phase_s: NonNegative = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the points and that each leg has a speed."""
-        if len(self.waypoints) < 2:
-            raise DescriptionError(f"waypoints: at least 2 are needed, got {len(self.waypoints)}")
-        if any(length == 0.0 for *_, length in self._legs()):
-            raise DescriptionError("waypoints: two neighbours must be different points")
-        legs = len(self.waypoints) - (not self.cyclic)
-        if len(self.speeds_mps) != legs:
-            raise DescriptionError(f"speeds_mps: one a leg, {legs} in all, got {len(self.speeds_mps)}")
-
-    def _legs(self) -> Iterator[tuple[Point, Point, float]]:
-        ends = (*self.waypoints[1:], self.waypoints[0]) if self.cyclic else self.waypoints[1:]
-        for a, b in zip(self.waypoints, ends, strict=False):
-            yield a, b, math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
-
-    def schedule(self) -> FloatArray:
-        """Return one round of the mover as (n_legs, 6) rows: begin and end time [s], x, y [m], vx, vy [m/s]."""
-        legs = [(a, b, length, speed) for (a, b, length), speed in zip(self._legs(), self.speeds_mps, strict=True)]
-        if not self.cyclic:
-            legs += [(b, a, length, speed) for a, b, length, speed in reversed(legs)]
-        rows, begin = [], 0.0
-        for a, b, length, speed in legs:
-            end = begin + length / speed
-            rows.append((begin, end, a.x_m, a.y_m, speed * (b.x_m - a.x_m) / length, speed * (b.y_m - a.y_m) / length))
-            begin = end
-        return np.array(rows)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class World:
     """A world, as drawn for one robot; it is never scaled.
 
@@ -153,10 +57,12 @@ class World:
         bounds: the rectangle that holds every centre.
         boxes: rectangular obstacles.
         discs: round obstacles.
+        polygons: convex obstacles.
         walls: straight walls.
-        movers: moving discs.
+        movers: moving discs and polygons.
         starts: one a robot.
         goals: one a robot.
+        layout: what is drawn anew for each episode, beside what is listed here.
         goal_tolerance_m: how near to its goal a robot's centre must come [m].
         finish_line: where there is one, arrival is crossing it, and the goals lie at least 1 m beyond.
         time_limit_s: when an episode ends for every robot still running [s].
@@ -166,17 +72,22 @@ class World:
     bounds: Bounds
     boxes: tuple[Box, ...] = ()
     discs: tuple[Disc, ...] = ()
+    polygons: tuple[Polygon, ...] = ()
     walls: tuple[Wall, ...] = ()
     movers: tuple[Mover, ...] = ()
-    starts: tuple[Start, ...]
-    goals: tuple[Point, ...]
+    starts: tuple[Start, ...] = ()
+    goals: tuple[Point, ...] = ()
+    layout: Layout | None = None
     goal_tolerance_m: Positive
     finish_line: FinishLine | None = None
     time_limit_s: Positive
 
     def __post_init__(self) -> None:
         """Check what no single value shows: counts, bounds, goals inside obstacles, the finish line."""
-        if not self.starts or len(self.starts) != len(self.goals):
+        swaps = self.layout is not None and self.layout.swap is not None
+        if swaps and (self.starts or self.goals):
+            raise DescriptionError("starts: must be empty where layout.swap draws them, and goals too")
+        if not swaps and (not self.starts or len(self.starts) != len(self.goals)):
             raise DescriptionError(
                 f"goals: one a start and at least one are needed, got {len(self.goals)} for {len(self.starts)} starts"
             )
@@ -192,9 +103,12 @@ class World:
             for i, centre in enumerate(things):
                 if not b.hold(centre.x_m, centre.y_m):
                     raise DescriptionError(f"{key}[{i}]: ({centre.x_m}, {centre.y_m}) must lie {inside}")
-        boxes, discs = self.box_rows(), self.disc_rows()
+        for i, polygon in enumerate(self.polygons):
+            if not all(b.hold(corner.x_m, corner.y_m) for corner in polygon.corners):
+                raise DescriptionError(f"polygons[{i}]: must lie {inside}")
+        boxes, discs, polygons = self.box_rows(), self.disc_rows(), self.polygon_rows()
         for i, goal in enumerate(self.goals):
-            if distance_to_nearest(goal.x_m, goal.y_m, boxes, discs) < 0.0:
+            if distance_to_nearest(goal.x_m, goal.y_m, boxes, discs, polygons) < 0.0:
                 raise DescriptionError(f"goals[{i}]: ({goal.x_m}, {goal.y_m}) must lie outside every obstacle")
         if self.finish_line is not None:
             self._check_finish_line(self.finish_line)
@@ -244,39 +158,61 @@ class World:
         return np.array(rows).reshape(-1, 6)
 
     def disc_rows(self, t_s: float = 0.0) -> FloatArray:
-        """Return discs, then movers at a time [s], as (n, 5) rows: x, y, radius [m], vx, vy [m/s]."""
+        """Return discs, then round movers at a time [s], as (n, 5) rows: x, y, radius [m], vx, vy [m/s]."""
         still = [(disc.x_m, disc.y_m, disc.radius_m, 0.0, 0.0) for disc in self.discs]
-        rows = np.array(still + [(0.0, 0.0, mover.radius_m, 0.0, 0.0) for mover in self.movers]).reshape(-1, 5)
-        place_movers(t_s, *self.mover_tables(), rows)
+        moving = [(0.0, 0.0, mover.radius_m, 0.0, 0.0) for mover in self.round_movers()]
+        rows = np.array(still + moving).reshape(-1, 5)
+        place_movers(t_s, *mover_tables(self.round_movers()), rows)
         return rows
 
-    def mover_tables(self) -> tuple[FloatArray, FloatArray]:
-        """Return the movers for ``place_movers``: phases (n,) [s] and the legs of all movers (m, 7), mover first."""
-        legs = [np.column_stack((np.full(len(s), i), s)) for i, s in enumerate(m.schedule() for m in self.movers)]
-        return np.array([mover.phase_s for mover in self.movers]), np.concatenate([np.empty((0, 7)), *legs])
+    def polygon_rows(self, t_s: float = 0.0) -> FloatArray:
+        """Return polygons, then outlined movers at a time [s], as rows of ``polygon_table``."""
+        still = []
+        for polygon in self.polygons:
+            xs, ys = [p.x_m for p in polygon.corners], [p.y_m for p in polygon.corners]
+            x, y = sum(xs) / len(xs), sum(ys) / len(ys)
+            around = [Point(x_m=p.x_m - x, y_m=p.y_m - y) for p in polygon.corners]
+            still.append((x, y, max(math.hypot(p.x_m, p.y_m) for p in around), around))
+        moving = [(0.0, 0.0, mover.radius_m, mover.outline) for mover in self.outlined_movers()]
+        rows = polygon_table([*still, *moving])
+        place_movers(t_s, *mover_tables(self.outlined_movers()), rows)
+        return rows
 
+    def round_movers(self) -> tuple[Mover, ...]:
+        """Return the movers that are discs."""
+        return tuple(mover for mover in self.movers if not mover.outline)
 
-@numba.njit(cache=True)
-def place_movers(t_s: float, phases: FloatArray, legs: FloatArray, discs: FloatArray) -> None:
-    """Write the movers' places and velocities at a time into the last rows of ``discs``.
+    def outlined_movers(self) -> tuple[Mover, ...]:
+        """Return the movers that are polygons."""
+        return tuple(mover for mover in self.movers if mover.outline)
 
-    Args:
-        t_s: time since the episode began [s].
-        phases: (n,) how far along its way each mover is at time 0 [s].
-        legs: (m, 7) mover, begin [s], end [s], x, y [m], vx, vy [m/s], sorted by mover and time.
-        discs: (k, 5) x, y, radius, vx, vy with the movers last; changed in place.
-    """
-    first = 0
-    for mover in range(phases.shape[0]):
-        last = first
-        while last + 1 < legs.shape[0] and legs[last + 1, 0] == mover:
-            last += 1
-        clock = (t_s + phases[mover]) % legs[last, 2]
-        leg = first
-        while leg < last and clock >= legs[leg, 2]:
-            leg += 1
-        row = discs.shape[0] - phases.shape[0] + mover
-        for axis in range(2):
-            discs[row, axis] = legs[leg, 3 + axis] + legs[leg, 5 + axis] * (clock - legs[leg, 1])
-            discs[row, 3 + axis] = legs[leg, 5 + axis]
-        first = last + 1
+    @property
+    def robots(self) -> int:
+        """How many robots drive."""
+        return len(self.starts) if self.layout is None or self.layout.swap is None else self.layout.swap.robots
+
+    def drawn_for(self, seed: int, episode: int) -> "World":
+        """Return the world with what its layout leaves to chance drawn for an episode; itself where nothing is.
+
+        Raises:
+            DescriptionError: the layout finds no room.
+        """
+        layout = self.layout
+        if layout is None:
+            return self
+        world, rng = self, stream(seed, self.name, episode, "layout")
+        if layout.swap is not None:
+            bounds, places, goals = layout.swap.draw(rng, self.bounds)
+            starts = tuple(Start(x_m=place.x_m, y_m=place.y_m) for place in places)
+            world = replace(world, bounds=bounds, starts=starts, goals=goals, layout=None)
+        ends = [(start.x_m, start.y_m) for start in world.starts] + [(goal.x_m, goal.y_m) for goal in world.goals]
+        room = Room(world.bounds, world.box_rows(), world.disc_rows(), world.polygon_rows(), ends, layout.gap_m)
+        discs, polygons = layout.draw_obstacles(rng, room)
+        movers = layout.draw_movers(rng, room, self.time_limit_s)
+        return replace(
+            world,
+            discs=(*world.discs, *discs),
+            polygons=(*world.polygons, *polygons),
+            movers=(*world.movers, *movers),
+            layout=None,
+        )

@@ -21,8 +21,8 @@ from navbench.door import schema
 from navbench.door.building import controller_maker
 from navbench.door.catalogue import GROUPS, check_folder
 from navbench.experiments.cells import Cell
-from navbench.loop.episode import Jitter, check_fits
 from navbench.loop.similarity import Native, Similarity, period_s
+from navbench.loop.starts import Jitter, check_fits
 from navbench.physics.simulator import SUBSTEP_RADII
 
 EPISODES_MAX = 10**6

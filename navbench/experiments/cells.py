@@ -19,8 +19,9 @@ from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
 from navbench.descriptions.world import World
 from navbench.experiments.engines import Work
-from navbench.loop.episode import EpisodeRunner, Jitter
+from navbench.loop.episode import EpisodeRunner
 from navbench.loop.similarity import Native
+from navbench.loop.starts import Jitter
 from navbench.mathematics.metrics import Metrics
 
 BATCH_EPISODES = 25  # fixed, so that the names of the parts depend on the work alone, never on the workers
@@ -150,7 +151,7 @@ def _pieces(batch: Batch) -> list[Batch]:
 
 def _lost(batch: Batch) -> list[tuple[int, RobotRecord]]:
     """Return what is known of episodes whose process died: that it did."""
-    metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0)
+    metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0, 0, 0, math.nan)
     reason = "the controller's process died"
     return [
         (
@@ -158,7 +159,7 @@ def _lost(batch: Batch) -> list[tuple[int, RobotRecord]]:
             RobotRecord(i, "controller_error", reason, metrics, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0)),
         )
         for episode in batch.episodes
-        for i in range(len(batch.cell.world.starts))
+        for i in range(batch.cell.world.robots)
     ]
 
 

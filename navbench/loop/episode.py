@@ -6,35 +6,25 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
-from navbench.descriptions.description import DescriptionError
 from navbench.descriptions.record import Outcome, RobotRecord
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Start, World
+from navbench.descriptions.world import World
 from navbench.loop.perception import Perception
 from navbench.loop.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
-from navbench.mathematics.geometry import distance_to_nearest, wrap_angle
+from navbench.loop.starts import Jitter, check_fits, draw_starts
 from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
 from navbench.mathematics.streams import stream
+from navbench.physics.scene import Scene
 from navbench.physics.simulator import Simulator
 
 FloatArray = NDArray[np.float64]
-
-START_DRAWS_MAX = 1000  # a start that stays in contact this often has no free place within its jitter
-
-
-class Jitter(NamedTuple):
-    """How far starts are moved at random: uniform in [-j, j], for x and y [m] and for the heading [rad]."""
-
-    position_m: float = 0.0
-    heading_rad: float = 0.0
 
 
 @dataclass(slots=True)
@@ -107,15 +97,15 @@ class EpisodeRunner:
         jitter: Jitter,
     ) -> None:
         check_fits(world, robot)
-        self._native, self._world, self._robot, self._jitter = native, world, robot, jitter
+        self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed = make_controller, seed
-        self._boxes, self._discs = world.box_rows(), world.disc_rows()
+        self._scene = Scene(world)
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._period_s = period_s(native, self._similarity)
         self._setup = native_setup(robot, self._sensors, native)
         accel_max = accel_max_mps2(robot, native, self._similarity)
-        self._simulator = Simulator(world, robot, self._sensors, options, accel_max)
+        self._simulator = Simulator(robot, self._sensors, options, accel_max)
 
     def __enter__(self) -> "EpisodeRunner":
         """Return the runner itself."""
@@ -132,57 +122,29 @@ class EpisodeRunner:
             episode: its index, which names its streams.
         """
         starts = self.starts(episode)
-        simulator = self._simulator
-        simulator.reset(starts)
+        simulator, time_limit_s = self._simulator, self._template.time_limit_s
+        simulator.reset(self._scene, starts)
         pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
         for i, pilot in enumerate(pilots):
             if pilot.outcome == "controller_error":
                 simulator.stop(i)
         rows = simulator.rows()
-        periods = math.ceil(self._world.time_limit_s / self._period_s - 1e-9)
+        periods = math.ceil(time_limit_s / self._period_s - 1e-9)
         for k in range(periods):
             if not simulator.running:
                 break
             t_s = k * self._period_s
-            rows = self._period(pilots, rows, t_s, min(self._period_s, self._world.time_limit_s - t_s))
+            rows = self._period(pilots, rows, t_s, min(self._period_s, time_limit_s - t_s))
         return [self._record(i, pilot, rows[i]) for i, pilot in enumerate(pilots)]
 
     def starts(self, episode: int) -> list[Pose]:
-        """Return where the robots begin: the world's starts, moved at random, drawn again while in contact.
-
-        A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
-        """
-        world = self._world
-        poses: list[Pose] = []
-        for i, start in enumerate(world.starts):
-            rng = stream(self.seed, world.name, episode, "start", i)
-            for _ in range(START_DRAWS_MAX):
-                dx, dy, turn = rng.uniform(-1.0, 1.0, 3).tolist()
-                pose = Pose(
-                    start.x_m + dx * self._jitter.position_m,
-                    start.y_m + dy * self._jitter.position_m,
-                    wrap_angle(world.start_heading_rad(i) + turn * self._jitter.heading_rad),
-                )
-                if self._reachable(start, pose) and _free(pose, self._robot.radius_m, self._boxes, self._discs, poses):
-                    poses.append(pose)
-                    break
-            else:
-                raise DescriptionError(f"start_jitter_m: no free place near world.starts[{i}]")
-        return poses
-
-    def _reachable(self, start: Start, pose: Pose) -> bool:
-        """Return whether a drawn start lies inside the bounds and on the same side of everything as the world's own."""
-        if not self._world.bounds.hold(pose.x_m, pose.y_m):
-            return False
-        dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
-        steps = math.ceil(math.hypot(dx, dy) / (0.25 * self._robot.radius_m))
-        return all(
-            distance_to_nearest(start.x_m + dx * k / steps, start.y_m + dy * k / steps, self._boxes, self._discs) > 0.0
-            for k in range(1, steps)
-        )
+        """Draw an episode's layout and return where its robots begin, see ``draw_starts``."""
+        world = self._template.drawn_for(self.seed, episode)
+        self._scene = Scene(world)
+        return draw_starts(self._scene, self._robot.radius_m, self._jitter, self.seed, episode)
 
     def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
-        world = self._world
+        world = self._scene.world
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
         perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
@@ -258,50 +220,26 @@ class EpisodeRunner:
             traces = traces[: len(states)]
         durations = np.diff(states[:, 0])
         n = len(durations)
+        goal, contacts = self._scene.world.goals[index], self._simulator.contacts[index]
         if "heading_error_rad" in names:
             errors = traces[:n, names.index("heading_error_rad")]
         else:
-            goal = self._world.goals[index]
             errors = bearing_errors(states[:n, 1:4], goal.x_m, goal.y_m)
         metrics = Metrics(
             path_length_m=row[9],
             time_s=pilot.end_s,
-            collisions=self._simulator.contacts[index],
+            collisions=contacts.total,
+            robot_collisions=contacts.with_robots,
+            standing_collisions=contacts.standing,
             min_clearance_m=row[8],
             mean_speed_mps=row[9] / pilot.end_s if pilot.end_s > 0.0 else 0.0,
             heading_ise=heading_ise(errors, durations),
             total_turning_rad=row[10],
             w_sign_changes=sign_changes(states[:n, 5]),
+            goal_distance_m=math.hypot(goal.x_m - row[0], goal.y_m - row[1]),
         )
         latencies = np.array(pilot.latencies_s)
         return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, names, latencies)
-
-
-def check_fits(world: World, robot: Robot) -> None:
-    """Check that every robot stands free at its start.
-
-    Raises:
-        DescriptionError: a start lies inside an obstacle or too near to another start.
-    """
-    boxes, discs = world.box_rows(), world.disc_rows()
-    poses: list[Pose] = []
-    for i, start in enumerate(world.starts):
-        pose = Pose(start.x_m, start.y_m, 0.0)
-        if not _free(pose, robot.radius_m, boxes, discs, poses):
-            near = distance_to_nearest(start.x_m, start.y_m, boxes, discs)
-            what = "an obstacle" if near <= robot.radius_m else "another start"
-            raise DescriptionError(
-                f"world.starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than the robot's radius "
-                f"{robot.radius_m} m from {what}" + ("" if what == "an obstacle" else "'s robot")
-            )
-        poses.append(pose)
-
-
-def _free(pose: Pose, radius_m: float, boxes: FloatArray, discs: FloatArray, others: list[Pose]) -> bool:
-    """Return whether a robot stands free of the obstacles and of the robots already placed."""
-    if distance_to_nearest(pose.x_m, pose.y_m, boxes, discs) <= radius_m:
-        return False
-    return all(math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) > 2.0 * radius_m for other in others)
 
 
 def _reason(error: BaseException) -> str:

@@ -37,20 +37,49 @@ def box_distance(x_m: float, y_m: float, box: FloatArray) -> float:
 
 
 @numba.njit(cache=True)
-def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatArray) -> float:
-    """Return the signed distance from a point to the nearest box or disc [m], infinite where there is none.
+def polygon_distance(x_m: float, y_m: float, polygon: FloatArray) -> float:
+    """Return the signed distance from a point to a convex polygon [m], negative inside.
+
+    Args:
+        x_m: the point's x [m].
+        y_m: the point's y [m].
+        polygon: (5 + 2 k,) x, y [m], three numbers of no matter here, and k corners counter-clockwise, seen from x
+            and y [m]; a corner may be repeated.
+    """
+    px: float = x_m - polygon[0]
+    py: float = y_m - polygon[1]
+    corners = (polygon.shape[0] - 5) // 2
+    nearest, inside = math.inf, True
+    for k in range(corners):
+        after = (k + 1) % corners
+        ax, ay = polygon[5 + 2 * k], polygon[6 + 2 * k]
+        ux, uy = polygon[5 + 2 * after] - ax, polygon[6 + 2 * after] - ay
+        qx, qy = px - ax, py - ay
+        square = ux * ux + uy * uy
+        along = min(max((qx * ux + qy * uy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        nearest = min(nearest, math.hypot(qx - along * ux, qy - along * uy))
+        inside = inside and ux * qy - uy * qx >= 0.0
+    return -nearest if inside else nearest
+
+
+@numba.njit(cache=True)
+def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatArray, polygons: FloatArray) -> float:
+    """Return the signed distance from a point to the nearest box, disc or polygon [m], infinite where there is none.
 
     Args:
         x_m: the point's x [m].
         y_m: the point's y [m].
         boxes: (n, 6) as in ``box_distance``.
-        discs: (n, 3) centre x, centre y, radius [m].
+        discs: (n, 3 or more) centre x, centre y, radius [m].
+        polygons: (n, 5 + 2 k) as in ``polygon_distance``.
     """
     nearest = math.inf
     for i in range(boxes.shape[0]):
         nearest = min(nearest, box_distance(x_m, y_m, boxes[i]))
     for i in range(discs.shape[0]):
         nearest = min(nearest, math.hypot(x_m - discs[i, 0], y_m - discs[i, 1]) - discs[i, 2])
+    for i in range(polygons.shape[0]):
+        nearest = min(nearest, polygon_distance(x_m, y_m, polygons[i]))
     return nearest
 
 

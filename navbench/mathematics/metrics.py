@@ -29,6 +29,9 @@ class Metrics(NamedTuple):
         total_turning_rad: the integral of the turning rate's size, summed over exact arcs [rad].
         w_sign_changes: how often the turning rate changed its sign from one control period to the next, periods of no
             turning left out; counts chattering.
+        robot_collisions: of the collisions, those with another robot.
+        standing_collisions: of the collisions, those in which the robot itself stood: it was driven into.
+        goal_distance_m: from the centre to the goal at the end [m].
     """
 
     path_length_m: float
@@ -39,6 +42,9 @@ class Metrics(NamedTuple):
     heading_ise: float
     total_turning_rad: float
     w_sign_changes: int
+    robot_collisions: int
+    standing_collisions: int
+    goal_distance_m: float
 
 
 def heading_ise(errors_rad: FloatArray, durations_s: FloatArray) -> float:

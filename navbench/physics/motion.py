@@ -48,6 +48,7 @@ def move(
     targets_mps: FloatArray,
     boxes: FloatArray,
     discs: FloatArray,
+    polygons: FloatArray,
     finish_line: FloatArray,
     dt_s: float,
     radius_m: float,
@@ -68,6 +69,7 @@ def move(
         targets_mps: (n, 2) the command in force for each left and right wheel [m/s].
         boxes: (k, 6) as in ``World.box_rows``.
         discs: (m, 5) as in ``World.disc_rows``, at the substep's end.
+        polygons: (l, ...) as in ``World.polygon_rows``, at the substep's end.
         finish_line: (4,) its ends, or (0,) for none.
         dt_s: the substep [s].
         radius_m: every robot's hull [m].
@@ -103,18 +105,20 @@ def move(
         if new_period:
             robot.left_travel_m, robot.right_travel_m = 0.0, 0.0
         _count(robot, dt_s, track_m)
-    return measure_clearance(robots, boxes, discs, radius_m), arrived
+    return measure_clearance(robots, boxes, discs, polygons, radius_m), arrived
 
 
 @numba.njit(cache=True)
-def measure_clearance(robots: RobotArray, boxes: FloatArray, discs: FloatArray, radius_m: float) -> float:
+def measure_clearance(
+    robots: RobotArray, boxes: FloatArray, discs: FloatArray, polygons: FloatArray, radius_m: float
+) -> float:
     """Write every running robot's present clearance, and return the least of all [m]."""
     least = math.inf
     for i in range(robots.shape[0]):
         robot = robots[i]
         if not robot.running:
             continue
-        nearest = distance_to_nearest(robot.x_m, robot.y_m, boxes, discs)
+        nearest = distance_to_nearest(robot.x_m, robot.y_m, boxes, discs, polygons)
         for j in range(robots.shape[0]):
             if j != i:
                 nearest = min(nearest, math.hypot(robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m) - radius_m)
@@ -155,6 +159,21 @@ def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     robot.x_m, robot.y_m, robot.heading_rad = robot.start_x_m, robot.start_y_m, robot.start_heading_rad
     _count(robot, -dt_s, track_m)
     robot.left_mps, robot.right_mps = 0.0, 0.0
+
+
+def velocity(row: tuple[float, ...]) -> tuple[float, float]:
+    """Return a robot's velocity (vx, vy) [m/s] from its row of ``ROBOT``; an ended one stands."""
+    v = 0.5 * (row[3] + row[4]) if row[11] else 0.0
+    return v * math.cos(row[2]), v * math.sin(row[2])
+
+
+@numba.njit(cache=True)
+def scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> None:
+    """Write each robot's x, y in simulation units and the sine and cosine of half its heading."""
+    for i in range(robots.shape[0]):
+        half = 0.5 * robots[i].heading_rad
+        poses[i, 0], poses[i, 1] = robots[i].x_m * scale, robots[i].y_m * scale
+        poses[i, 2], poses[i, 3] = math.sin(half), math.cos(half)
 
 
 @numba.njit(cache=True)

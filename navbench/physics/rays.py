@@ -60,10 +60,17 @@ class Rays:
         return ranges
 
     def bury(
-        self, ranges: FloatArray, x_m: float, y_m: float, heading_rad: float, boxes: FloatArray, discs: FloatArray
+        self,
+        ranges: FloatArray,
+        x_m: float,
+        y_m: float,
+        heading_rad: float,
+        boxes: FloatArray,
+        discs: FloatArray,
+        polygons: FloatArray,
     ) -> None:
         """Set to 0, in place, the readings of sensors with a ray that begins inside something: it hits nothing."""
-        _bury(ranges, self._points, self._first, x_m, y_m, heading_rad, boxes, discs)
+        _bury(ranges, self._points, self._first, x_m, y_m, heading_rad, boxes, discs, polygons)
 
 
 def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:
@@ -98,11 +105,12 @@ def _bury(
     heading_rad: float,
     boxes: FloatArray,
     discs: FloatArray,
+    polygons: FloatArray,
 ) -> None:
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
     for sensor in range(ranges.shape[0]):
         for ray in range(first[sensor], first[sensor + 1]):
             px = x_m + cosine * points[ray, 0] - sine * points[ray, 1]
             py = y_m + sine * points[ray, 0] + cosine * points[ray, 1]
-            if distance_to_nearest(px, py, boxes, discs) <= 0.0:
+            if distance_to_nearest(px, py, boxes, discs, polygons) <= 0.0:
                 ranges[sensor] = 0.0

@@ -14,19 +14,30 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Pose
+from navbench.descriptions.obstacles import Bounds
 from navbench.descriptions.record import Outcome
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import World, place_movers
+from navbench.physics.contacts import ContactLedger, Contacts
 from navbench.physics.drive import Drive
-from navbench.physics.motion import NOT_YET, ROBOT, count_clearance, hold, measure_clearance, move, stop_at_arrival
+from navbench.physics.motion import (
+    NOT_YET,
+    ROBOT,
+    count_clearance,
+    hold,
+    measure_clearance,
+    move,
+    scaled_poses,
+    stop_at_arrival,
+    velocity,
+)
 from navbench.physics.rays import Rays
+from navbench.physics.scene import Scene, prism
 
 
 @contextmanager
@@ -50,7 +61,6 @@ FloatArray = NDArray[np.float64]
 
 SUBSTEP_RADII = 0.25  # no body moves further than this in a substep, so none jumps through another
 CONTACT_MARGIN_RADII = 0.05  # PyBullet is asked for contacts only where the analytic clearance is below this
-HAIR_RADII = 1e-6  # rounding
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
 
 
@@ -70,36 +80,25 @@ class Simulator:
     obstacles touch, the order in which it finds them shows in the last digits of a range.
 
     Args:
-        world: where the robots drive.
         robot: every robot's body.
         sensors: the suite that each robot carries, already scaled to the robot.
         options: how to simulate.
         accel_max_mps2: the wheel-acceleration limit in force [m/s^2], None for none.
     """
 
-    def __init__(
-        self, world: World, robot: Robot, sensors: Sensors, options: SimulatorOptions, accel_max_mps2: float | None
-    ) -> None:
-        self.world, self.robot, self.options = world, robot, options
+    def __init__(self, robot: Robot, sensors: Sensors, options: SimulatorOptions, accel_max_mps2: float | None) -> None:
+        self.robot, self.options = robot, options
         self._accel_max_mps2 = accel_max_mps2
         self._scale = 2.0 ** math.ceil(math.log2(4.0 / robot.radius_m))
-        line = world.finish_line
-        self._finish_line = np.array([] if line is None else [line.x1_m, line.y1_m, line.x2_m, line.y2_m])
-        self._boxes = world.box_rows()
-        self._discs_at_start = world.disc_rows()
-        self._mover_tables = world.mover_tables()
-        self._mover_speed = max((max(mover.speeds_mps) for mover in world.movers), default=0.0)
         self._rays = Rays(sensors, robot.radius_m, self._scale)
         with _silent(1):
             self._client = pybullet.connect(pybullet.GUI if options.gui else pybullet.DIRECT)
         if self._client < 0:
             raise RuntimeError("PyBullet could not be started; simulator.gui=true needs a display")
-        if options.gui:
-            self._look_from_above()
         self._names: dict[int, str] = {}
         self._robot_bodies: list[int] = []
         self._mover_bodies: list[int] = []
-        self.robots = np.zeros(len(world.starts), ROBOT)
+        self.robots = np.zeros(0, ROBOT)
 
     def __enter__(self) -> "Simulator":
         """Return the simulator itself."""
@@ -117,39 +116,48 @@ class Simulator:
             with _silent(1):
                 pybullet.disconnect(self._client)
 
-    def reset(self, starts: Sequence[Pose]) -> None:
-        """Begin an episode with one robot at each start."""
+    def reset(self, scene: Scene, starts: Sequence[Pose]) -> None:
+        """Begin an episode in a scene, with one robot at each start.
+
+        Args:
+            scene: the world, whose movers the simulator moves.
+            starts: one a goal of the world.
+        """
+        scene.move_to(0.0)
+        self.scene, world = scene, scene.world
+        self._goal_tolerance_m = world.goal_tolerance_m
         pybullet.resetSimulation(physicsClientId=self._client)
+        if self.options.gui:
+            self._look_from_above(world.bounds)
         self._names = {}
-        for i, box in enumerate(self.world.solids()):
-            kind = f"box {i}" if i < len(self.world.boxes) else f"wall {i - len(self.world.boxes)}"
+        for i, box in enumerate(world.solids()):
+            kind = f"box {i}" if i < len(world.boxes) else f"wall {i - len(world.boxes)}"
             self._add_box(kind, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
-        for i, disc in enumerate(self.world.discs):
+        for i, disc in enumerate(world.discs):
             self._add_round(f"disc {i}", disc.x_m, disc.y_m, disc.radius_m, mass=0.0, colour=(0.5, 0.5, 0.5, 1.0))
-        self._discs = self._discs_at_start.copy()
+        for i in range(len(world.polygons)):
+            self._add_polygon(f"polygon {i}", scene.polygons[i])
         self._robot_bodies = [
             self._add_round(f"robot {i}", start.x_m, start.y_m, self.robot.radius_m, 1.0, (0.1, 0.4, 0.8, 1.0))
             for i, start in enumerate(starts)
         ]
         self._index = {body: i for i, body in enumerate(self._robot_bodies)}
+        moving = [*scene.discs[len(world.discs) :], *scene.polygons[len(world.polygons) :]]
         self._mover_bodies = [
-            self._add_round(f"mover {i}", x, y, radius, 0.0, (0.9, 0.5, 0.1, 1.0))
-            for i, (x, y, radius, _, _) in enumerate(self._discs[len(self.world.discs) :].tolist())
+            self._add_polygon(name, row) if len(row) > 5 else self._add_mover(name, *row[:3].tolist())
+            for name, row in zip(scene.mover_names(), moving, strict=True)
         ]
         self.robots = np.zeros(len(starts), ROBOT)
-        for i, (start, goal) in enumerate(zip(starts, self.world.goals, strict=True)):
+        for i, (start, goal) in enumerate(zip(starts, world.goals, strict=True)):
             self.robots[["x_m", "y_m", "heading_rad", "goal_x_m", "goal_y_m", "min_clearance_m", "running"]][i] = (
                 *start, goal.x_m, goal.y_m, math.inf, 1,
             )  # fmt: skip
         self._drive = Drive(self.robot, self.options, self._accel_max_mps2, len(starts))
-        self.touching = [False] * len(starts)
-        self.contacts = [0] * len(starts)
-        self._held_m: list[float | None] = [None] * len(starts)  # clearance where a robot was held
-        self._blocked = False
+        self._ledger = ContactLedger(len(starts))
         self._running = len(starts)
         self._poses = np.empty((len(starts), 4))
         self._posed = False
-        measure_clearance(self.robots, self._boxes, self._discs, self.robot.radius_m)
+        self._measure_clearance()
         count_clearance(self.robots)
 
     def rows(self) -> list[tuple[float, ...]]:
@@ -161,12 +169,30 @@ class Simulator:
         """How many robots have no outcome yet."""
         return self._running
 
+    @property
+    def contacts(self) -> list[Contacts]:
+        """Each robot's contacts so far."""
+        return self._ledger.counts
+
+    @property
+    def touching(self) -> list[bool]:
+        """Whether each robot is held by something now."""
+        return self._ledger.touching
+
     def tracked_discs(self, index: int) -> FloatArray:
-        """Return discs, movers and the other robots as seen from nowhere: (n, 5) x, y, radius, vx, vy [m, m/s]."""
+        """Return discs, movers, circles around polygons and the other robots: (n, 5) x, y, radius, vx, vy [m, m/s]."""
+        return np.concatenate([self.scene.circles(), self._other_robots(index)])
+
+    def _other_robots(self, index: int) -> FloatArray:
+        """Return the other robots as discs: (n, 5) x, y, radius, vx, vy [m, m/s]."""
         others = [
-            (row[0], row[1], self.robot.radius_m, *_velocity(row)) for i, row in enumerate(self.rows()) if i != index
+            (row[0], row[1], self.robot.radius_m, *velocity(row)) for i, row in enumerate(self.rows()) if i != index
         ]
-        return np.concatenate([self._discs, np.array(others).reshape(-1, 5)])
+        return np.array(others).reshape(-1, 5)
+
+    def _measure_clearance(self) -> None:
+        scene = self.scene
+        measure_clearance(self.robots, scene.boxes, scene.discs, scene.polygons, self.robot.radius_m)
 
     def ranges(self, index: int, clearance_m: float) -> FloatArray:
         """Return what one robot's ring measures without noise: (n_sensors,) [m], largest range where nothing is.
@@ -186,9 +212,10 @@ class Simulator:
             rays.begins, rays.ends, parentObjectUniqueId=self._robot_bodies[index], physicsClientId=self._client
         )
         ranges = rays.read([hit[2] for hit in hits])
-        if self.touching[index] or clearance_m <= rays.exposed_m:
-            row = self.robots[index]
-            rays.bury(ranges, row["x_m"], row["y_m"], row["heading_rad"], self._boxes, self.tracked_discs(index))
+        if self._ledger.touching[index] or clearance_m <= rays.exposed_m:
+            row, scene = self.robots[index], self.scene
+            discs = np.concatenate([scene.discs, self._other_robots(index)])
+            rays.bury(ranges, row["x_m"], row["y_m"], row["heading_rad"], scene.boxes, discs, scene.polygons)
         return ranges
 
     def command(self, index: int, v_mps: float, w_radps: float) -> None:
@@ -205,7 +232,7 @@ class Simulator:
         events: list[Event] = []
         new_period = True
         for begin_s, duration_s in self._drive.segments(t_s, dt_s):
-            fastest = max(self._drive.fastest_mps, self._mover_speed)
+            fastest = max(self._drive.fastest_mps, self.scene.fastest_mps)
             substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * self.robot.radius_m) - 1e-9))
             h = duration_s / substeps
             for k in range(substeps):
@@ -218,26 +245,27 @@ class Simulator:
         return events
 
     def _substep(self, t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
-        if self._mover_speed:
-            place_movers(t_s + h, *self._mover_tables, self._discs)
+        scene = self.scene
+        scene.move_to(t_s + h)
         track = self.robot.track_m
         least, arrived = move(
             self.robots,
             self._drive.in_force,
-            self._boxes,
-            self._discs,
-            self._finish_line,
+            scene.boxes,
+            scene.discs,
+            scene.polygons,
+            scene.finish_line,
             h,
             self.robot.radius_m,
             track,
             self._drive.accel_max_mps2,
             self._drive.lag_s,
-            self.world.goal_tolerance_m,
+            self._goal_tolerance_m,
             new_period,
         )
         self._posed = False
         near = least <= CONTACT_MARGIN_RADII * self.robot.radius_m
-        if near or arrived or self._blocked:
+        if near or arrived or self._ledger.any_held:
             self._settle(t_s, h, self._contacts() if near else {}, events)
         else:
             count_clearance(self.robots)
@@ -261,10 +289,10 @@ class Simulator:
         for i in arrivals:
             stop_at_arrival(self.robots, i, h, self.robot.track_m)
         self._posed = False
-        measure_clearance(self.robots, self._boxes, self._discs, self.robot.radius_m)
+        self._measure_clearance()
         count_clearance(self.robots)
         if blocks:
-            self._count_contacts(hit)
+            self._ledger.hold(hit, self.robots, self.robot.radius_m)
         else:
             for i, reason in hit.items():
                 self._end(Event(i, "collided", reason, t_s + h), events)
@@ -286,21 +314,10 @@ class Simulator:
                     hit[i] = min(hit.get(i, reason), reason)
         return dict(sorted(hit.items()))
 
-    def _count_contacts(self, hit: dict[int, str]) -> None:
-        """Count each contact once: it lasts until the robot is further from things than where it was held."""
-        for i, clearance_m in enumerate(self.robots["clearance_m"].tolist()):
-            held_m = self._held_m[i]
-            if i in hit:
-                self.contacts[i] += held_m is None
-                self._held_m[i] = clearance_m if held_m is None else max(held_m, clearance_m)
-            elif held_m is not None and clearance_m > held_m + HAIR_RADII * self.robot.radius_m:
-                self._held_m[i] = None
-            self.touching[i] = i in hit
-        self._blocked = any(held_m is not None for held_m in self._held_m)
-
     def _end(self, event: Event, events: list[Event]) -> None:
+        if event.outcome == "collided":
+            self._ledger.add(event.robot_index, event.reason, self.robots)
         self.stop(event.robot_index)
-        self.contacts[event.robot_index] += event.outcome == "collided"
         events.append(event)
 
     def stop(self, index: int) -> None:
@@ -311,12 +328,12 @@ class Simulator:
 
     def _pose_bodies(self) -> None:
         """Write the present poses into PyBullet."""
-        _scaled_poses(self.robots, self._scale, self._poses)
+        scaled_poses(self.robots, self._scale, self._poses)
         pose, client = pybullet.resetBasePositionAndOrientation, self._client
         for body, (x, y, sine, cosine) in zip(self._robot_bodies, self._poses.tolist(), strict=True):
             pose(body, (x, y, 0.0), (0.0, 0.0, sine, cosine), physicsClientId=client)
         if self._mover_bodies:
-            movers = self._discs[-len(self._mover_bodies) :, :2] * self._scale
+            movers = self.scene.mover_places() * self._scale
             for body, (x, y) in zip(self._mover_bodies, movers.tolist(), strict=True):
                 pose(body, (x, y, 0.0), (0.0, 0.0, 0.0, 1.0), physicsClientId=client)
         self._posed = True
@@ -339,6 +356,20 @@ class Simulator:
             )
         return self._add(name, shape, visual, mass, x_m, y_m, 0.0)
 
+    def _add_mover(self, name: str, x_m: float, y_m: float, radius_m: float) -> int:
+        return self._add_round(name, x_m, y_m, radius_m, mass=0.0, colour=(0.9, 0.5, 0.1, 1.0))
+
+    def _add_polygon(self, name: str, row: FloatArray) -> int:
+        vertices, indices = prism(row * self._scale, WALL_HEIGHT_RADII * self.robot.radius_m * self._scale)
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH,
+            vertices=vertices,
+            indices=indices,
+            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,  # exact for rays; as a hull it would carry a margin
+            physicsClientId=self._client,
+        )
+        return self._add(name, shape, -1, 0.0, float(row[0]), float(row[1]), 0.0)
+
     def _add(self, name: str, shape: int, visual: int, mass: float, x_m: float, y_m: float, heading_rad: float) -> int:
         body: int = pybullet.createMultiBody(
             mass,
@@ -351,9 +382,9 @@ class Simulator:
         self._names[body] = name
         return body
 
-    def _look_from_above(self) -> None:
+    def _look_from_above(self, bounds: Bounds) -> None:
         """Turn the window's camera to the whole world, and hide the window's own panels."""
-        b, s = self.world.bounds, self._scale
+        b, s = bounds, self._scale
         centre = (0.5 * (b.x_min_m + b.x_max_m) * s, 0.5 * (b.y_min_m + b.y_max_m) * s, 0.0)
         size = max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m) * s
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._client)
@@ -366,18 +397,3 @@ class Simulator:
         now = time.monotonic()
         self._due = max(getattr(self, "_due", now), now - dt_s) + dt_s
         time.sleep(max(0.0, self._due - now))
-
-
-def _velocity(row: tuple[float, ...]) -> tuple[float, float]:
-    """Return a robot's velocity (vx, vy) [m/s] from its row of ``ROBOT``; an ended one stands."""
-    v = 0.5 * (row[3] + row[4]) if row[11] else 0.0
-    return v * math.cos(row[2]), v * math.sin(row[2])
-
-
-@numba.njit(cache=True)
-def _scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> None:
-    """Write each robot's x, y in simulation units and the sine and cosine of half its heading."""
-    for i in range(robots.shape[0]):
-        half = 0.5 * robots[i].heading_rad
-        poses[i, 0], poses[i, 1] = robots[i].x_m * scale, robots[i].y_m * scale
-        poses[i, 2], poses[i, 3] = math.sin(half), math.cos(half)

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.descriptions.description import describe
+from navbench.descriptions.obstacles import Mover
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.world import World
 from navbench.experiments.store import Results
+from navbench.reading.stored import world_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -147,7 +149,9 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
         episodes: its rows of the table of episodes.
         trajectories: its rows of the table of trajectories.
     """
-    world = describe(World, {"name": cell["world"], **cell["configuration"]["world"]}, "world")
+    world = world_of(cell)
+    if world.layout is not None and cell["episodes"] == 1:
+        world = world.drawn_for(cell["seed"], 0)  # of several episodes, each has another layout
     robot = describe(Robot, cell["configuration"]["robot"], "robot")
     draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
@@ -168,17 +172,19 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
 
 
 def draw_world(ax: "Axes", world: World) -> None:
-    """Draw a world: bounds, boxes, walls, discs, movers with their ways, starts' goals and the finish line."""
+    """Draw a world: bounds, boxes, walls, discs, polygons, movers with their ways, goals and the finish line."""
     from matplotlib.patches import Polygon
 
     for i, box in enumerate(world.solids()):
         ax.add_patch(Polygon(_corners(box), color=OBSTACLE if i < len(world.boxes) else WALL, zorder=2))
     for disc in world.discs:
         ax.add_patch(_circle(disc.x_m, disc.y_m, disc.radius_m, color=OBSTACLE))
+    for polygon in world.polygons:
+        ax.add_patch(Polygon([(p.x_m, p.y_m) for p in polygon.corners], color=OBSTACLE, zorder=2))
     for mover in world.movers:
         points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
         ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=1.0, zorder=1)
-        ax.add_patch(_circle(points[0].x_m, points[0].y_m, mover.radius_m, color=MOVER, alpha=0.8))
+        draw_mover(ax, mover, points[0].x_m, points[0].y_m)
     for goal in world.goals:
         ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
         ax.plot(goal.x_m, goal.y_m, "x", color="black", markersize=7, zorder=5)
@@ -189,6 +195,17 @@ def draw_world(ax: "Axes", world: World) -> None:
     margin = 0.04 * max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m)
     ax.set(xlim=(b.x_min_m - margin, b.x_max_m + margin), ylim=(b.y_min_m - margin, b.y_max_m + margin))
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+
+
+def draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float, alpha: float = 0.8) -> None:
+    """Draw a mover at a place."""
+    from matplotlib.patches import Polygon
+
+    if mover.outline:
+        corners = [(x_m + p.x_m, y_m + p.y_m) for p in mover.outline]
+        ax.add_patch(Polygon(corners, color=MOVER, alpha=alpha, zorder=3))
+    else:
+        ax.add_patch(_circle(x_m, y_m, mover.radius_m, color=MOVER, alpha=alpha))
 
 
 def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float) -> None:

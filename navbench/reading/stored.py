@@ -74,10 +74,9 @@ class Reading:
     def _entries(self) -> dict[str, dict[str, Any]]:
         return {cell["run_id"]: cell for cell in reversed(self.manifest["cells"])}
 
-    def world(self, run_id: str) -> World:
-        """Return the world of a cell."""
-        cell = self.configuration(run_id)
-        return describe(World, {"name": cell["world"], **cell["configuration"]["world"]}, "world")
+    def world(self, run_id: str, episode: int = 0) -> World:
+        """Return the world of a cell, its layout drawn for an episode."""
+        return world_of(self.configuration(run_id)).drawn_for(self.configuration(run_id)["seed"], episode)
 
     @cached_property
     def labels(self) -> list[str]:
@@ -110,6 +109,11 @@ class Reading:
             if rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
         return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+
+
+def world_of(cell: Mapping[str, Any]) -> World:
+    """Return the world of a cell's entry in the manifest, its layout not drawn."""
+    return describe(World, {"name": cell["world"], **cell["configuration"]["world"]}, "world")
 
 
 def reached(rows: "pd.DataFrame") -> "pd.DataFrame":

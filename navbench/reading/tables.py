@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from navbench.reading.fleets import fleets
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -18,6 +20,7 @@ MEANS = (
 )
 FAILURES = ("collided", "timed_out", "controller_error")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
+FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
 WHERE_MANY = ("sensors", "simulator", "seed")  # printed where a table's cells differ in them
 
 
@@ -32,7 +35,8 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 
     Returns:
         Columns controller, world, robot, sensors, simulator, seed, reached ("n of N"), collisions (the sum over all
-        robots), a mean of each metric, and how many collided, timed out or met an error of their controller.
+        robots), a mean of each metric, how many collided, timed out or met an error of their controller; and robots
+        (how many drive together), fleets ("n of N" episodes in which all reached) and the mean makespan_s of those.
     """
     import pandas as pd
 
@@ -44,6 +48,7 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
         row["collisions"] = int(group["collisions"].sum())
         row |= {name: reached[name].mean() for name in MEANS}
         row |= {name: int((group["outcome"] == name).sum()) for name in FAILURES}
+        row |= _fleet_columns(group)
         rows.append({**row, "run_id": run_id})
     return pd.DataFrame(rows).sort_values([*KEYS, "run_id"], kind="stable", ignore_index=True)
 
@@ -51,12 +56,25 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 def to_text(summary: "pd.DataFrame") -> str:
     """Return the table for a terminal: the columns that a reader asks for first; means are over the reached.
 
-    Sensors, simulator and seed are printed where they differ, and so is every column that is not ``summarize``'s own.
+    Where several robots drive together, what the fleets did is printed too. Sensors, simulator and seed are printed
+    where they differ, and so is every column that is not ``summarize``'s own.
     """
-    usual = {*KEYS, "reached", "collisions", *MEANS, *FAILURES, "run_id"}
+    usual = {*KEYS, "reached", "collisions", *MEANS, *FAILURES, "robots", *FLEET, "run_id"}
     more = [name for name in summary.columns if name not in usual]
     more += [name for name in WHERE_MANY if summary[name].nunique() > 1]
-    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:]), "simple")
+    many = FLEET if (summary["robots"] > 1).any() else ()
+    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:], *many), "simple")
+
+
+def _fleet_columns(group: "pd.DataFrame") -> dict[str, object]:
+    """Return what the fleets of one cell did."""
+    table = fleets(group)
+    won = table[table["success"]]
+    return {
+        "robots": int(table["robots"].max()),
+        "fleets": f"{len(won)} of {len(table)}",
+        "makespan_s": won["makespan_s"].mean(),
+    }
 
 
 def to_markdown(summary: "pd.DataFrame") -> str:
