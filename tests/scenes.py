@@ -17,8 +17,9 @@ from navbench.descriptions.world import Start, World
 from navbench.loop.episode import EpisodeRunner
 from navbench.loop.similarity import Native
 from navbench.loop.starts import Jitter
+from navbench.physics.contacts import Event
 from navbench.physics.scene import Scene
-from navbench.physics.simulator import Event, Simulator
+from navbench.physics.simulator import Simulator
 
 FloatArray = NDArray[np.float64]
 Act = Callable[[Observation], Any]

@@ -8,12 +8,14 @@ import pytest
 from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, to_and_fro
 
 from navbench.contract import Pose
-from navbench.descriptions.obstacles import Box, Disc, Point, Wall
+from navbench.descriptions.layouts import convex_corners
+from navbench.descriptions.obstacles import Box, Disc, Point, Polygon, Wall
 from navbench.descriptions.sensors import RAYS_MAX, Mount, Sensors
 from navbench.descriptions.simulation import SimulatorOptions
 from navbench.descriptions.world import Start, World
 from navbench.mathematics.kinematics import advance_arc
 from navbench.physics import simulator as simulator_module
+from navbench.physics.contacts import Event
 from navbench.physics.simulator import Simulator
 
 RAY_TOLERANCE_RADII = 2.5e-4  # PyBullet's 0.001 units, where a robot's radius is at least 4 units
@@ -79,7 +81,50 @@ class Block(NamedTuple):
         return min(hits)
 
 
-Shape = Round | Block
+class Shard(NamedTuple):
+    """A convex polygon: its corners, counter-clockwise."""
+
+    corners: tuple[complex, ...]
+
+    def edges(self) -> list[tuple[complex, complex]]:
+        return list(zip(self.corners, self.corners[1:] + self.corners[:1], strict=True))
+
+    def _scale(self, by: float) -> tuple[complex, float]:
+        """Return a centre and by how much to stretch, so that every edge moves outward by that length at least."""
+        centre = sum(self.corners) / len(self.corners)
+        return centre, 1.0 + by / min(
+            abs(((b - a).conjugate() * (centre - a)).imag) / abs(b - a) for a, b in self.edges()
+        )
+
+    def grown(self, by: float) -> "Shard":
+        centre, scale = self._scale(by)
+        return Shard(tuple(centre + max(scale, 0.0) * (corner - centre) for corner in self.corners))
+
+    def is_there(self) -> bool:
+        return abs(self.corners[0] - self.corners[1]) > 0.0
+
+    def away(self, p: complex) -> float:
+        sides = [((b - a).conjugate() * (p - a)).imag / abs(b - a) for a, b in self.edges()]
+        if min(sides) >= 0.0:
+            return -min(sides)
+        along = [min(max(((p - a) / (b - a)).real, 0.0), 1.0) for a, b in self.edges()]
+        return min(abs(p - a - t * (b - a)) for t, (a, b) in zip(along, self.edges(), strict=True))
+
+    def hit(self, begin: complex, along: complex) -> float:
+        """Return how far along a ray of unit direction the first hit is: it is on one of the edges."""
+        hits = [math.inf]
+        for a, b in self.edges():
+            across = (along.conjugate() * (b - a)).imag
+            if across != 0.0:
+                t, s = (
+                    ((a - begin).conjugate() * (b - a)).imag / across,
+                    (along.conjugate() * (begin - a)).imag / across,
+                )
+                hits += [t] * (t >= 0.0 and 0.0 <= s <= 1.0)
+        return min(hits)
+
+
+Shape = Round | Block | Shard
 
 
 def shapes_of(world: World, radius_m: float, poses: Sequence[Pose], t_s: float, but: int = 0) -> list[Shape]:
@@ -94,7 +139,9 @@ def shapes_of(world: World, radius_m: float, poses: Sequence[Pose], t_s: float, 
     for mover in world.movers:  # only movers on their first leg
         a, b = (complex(point.x_m, point.y_m) for point in mover.waypoints[:2])
         place = a + (b - a) / abs(b - a) * mover.speeds_mps[0] * (t_s + mover.phase_s)
-        shapes.append(Round(place, mover.radius_m))
+        outline = tuple(place + complex(corner.x_m, corner.y_m) for corner in mover.outline)
+        shapes.append(Shard(outline) if outline else Round(place, mover.radius_m))
+    shapes += [Shard(tuple(complex(p.x_m, p.y_m) for p in polygon.corners)) for polygon in world.polygons]
     shapes += [Round(complex(pose.x_m, pose.y_m), radius_m) for i, pose in enumerate(poses) if i != but]
     return shapes
 
@@ -112,7 +159,7 @@ def clutter(rng: np.random.Generator, radius_m: float, robots: int = 1, movers: 
     def length(low: float, high: float) -> float:
         return float(radius_m * 10.0 ** rng.uniform(low, high))
 
-    boxes, discs, walls, moving = [], [], [], []
+    boxes, discs, walls, moving, polygons = [], [], [], [], []
     for _ in range(4):
         x, y = place()
         turn = rng.uniform(-4.0, 4.0)
@@ -122,16 +169,25 @@ def clutter(rng: np.random.Generator, radius_m: float, robots: int = 1, movers: 
     for _ in range(2):
         (x1, y1), (x2, y2) = place(), place()
         walls.append(Wall(x1_m=x1, y1_m=y1, x2_m=x2, y2_m=y2, thickness_m=length(-2.0, -0.5)))
-    for _ in range(movers):
+    for _ in range(2):
+        x, y = place()
+        corners = convex_corners(rng, length(-0.7, 0.4), (3, 6))
+        polygons.append(Polygon(corners=tuple(Point(x_m=x + p.x_m, y_m=y + p.y_m) for p in corners)))
+    for k in range(movers):
         (x1, y1), (x2, y2) = place(), place()
         leg = math.hypot(x2 - x1, y2 - y1)
+        size = length(-0.7, 0.2)
+        outline = convex_corners(rng, size, (3, 6)) if k % 2 else ()
         moving.append(
             to_and_fro(
                 (x1, y1), (x2 + 99.0 * (x2 - x1), y2 + 99.0 * (y2 - y1)),
-                speeds=[0.05 * leg], radius_m=length(-0.7, 0.2), phase_s=rng.uniform(0.0, 10.0),
+                speeds=[0.05 * leg], radius_m=size, phase_s=rng.uniform(0.0, 10.0), outline=outline,
             )
         )  # fmt: skip
-    parts = {"boxes": tuple(boxes), "discs": tuple(discs), "walls": tuple(walls), "movers": tuple(moving)}
+    parts = {
+        "boxes": tuple(boxes), "discs": tuple(discs), "walls": tuple(walls), "movers": tuple(moving),
+        "polygons": tuple(polygons),
+    }  # fmt: skip
     there = shapes_of(a_world(**parts), radius_m, [], 0.0)
     starts: list[Start] = []
     while len(starts) < robots:
@@ -358,8 +414,10 @@ def test_a_free_ring_reads_its_largest_range_and_not_a_hair_more() -> None:
 
 
 def cautious(simulator: Simulator) -> Simulator:
-    """Make a simulator ask PyBullet for every reading."""
-    simulator._rays.reach_m = math.inf
+    """Make a simulator ask PyBullet for every ray."""
+    rays = simulator._rays
+    rays.reach_m = math.inf
+    rays.near = lambda *_: np.arange(len(rays.begins))  # type: ignore[method-assign]
     return simulator
 
 
@@ -553,7 +611,7 @@ def lengths_of_substeps(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -
     lengths: list[float] = []
     inner = simulator._substep
 
-    def spy(t_s: float, h: float, new_period: bool, events: list[simulator_module.Event]) -> None:
+    def spy(t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
         lengths.append(h)
         inner(t_s, h, new_period, events)
 

@@ -1,4 +1,4 @@
-"""Counting contacts: each once, as long as it lasts, and by what touched whom."""
+"""Ends and contacts: how a robot's episode ends, and its contacts, each counted once and by what touched whom."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,7 +6,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.descriptions.record import Outcome
+
 HAIR_RADII = 1e-6  # rounding
+
+
+class Event(NamedTuple):
+    """A robot's end: which one, how, why, and when [s]."""
+
+    robot_index: int
+    outcome: Outcome
+    reason: str
+    t_s: float
 
 
 class Contacts(NamedTuple):

@@ -11,6 +11,8 @@ from navbench.mathematics.geometry import distance_to_nearest
 
 FloatArray = NDArray[np.float64]
 
+HAIR_RADII = 0.01  # more than the engine's own tolerance, 0.001 units where a radius has 4 or more
+
 
 class Rays:
     """A ring's rays in the robot frame, in simulation units, and how hits become readings.
@@ -28,7 +30,7 @@ class Rays:
     def __init__(self, sensors: Sensors, radius_m: float, scale: float) -> None:
         self.begins: list[tuple[float, float, float]] = []
         self.ends: list[tuple[float, float, float]] = []
-        lengths, offsets, first, points = [], [], [0], []
+        lengths, offsets, first, points, tips = [], [], [0], [], []
         reach, exposed = 0.0, 0.0
         self.nothing = np.array([mount.max_range_m for mount in sensors.complete_mounts()], dtype=np.float64)
         for mount in sensors.complete_mounts():
@@ -43,20 +45,37 @@ class Rays:
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
                 points.append(begin)
+                tips.append(end)
                 self.begins.append((begin[0] * scale, begin[1] * scale, 0.0))
                 self.ends.append((end[0] * scale, end[1] * scale, 0.0))
                 lengths.append(back + limit)
                 offsets.append(back)
             first.append(len(lengths))
         self._lengths, self._offsets, self._first = np.array(lengths), np.array(offsets), np.array(first)
-        self._points = np.array(points).reshape(-1, 2)
+        self._points, self._tips = np.array(points).reshape(-1, 2), np.array(tips).reshape(-1, 2)
+        self._sensors = np.repeat(np.arange(len(first) - 1), np.diff(first))
+        self._radius_m = radius_m
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
 
-    def read(self, fractions: list[float]) -> FloatArray:
-        """Return the readings (n_sensors,) [m] for the fraction of each ray that is free."""
+    def near(
+        self, robots: NDArray[np.void], index: int, boxes: FloatArray, discs: FloatArray, polygons: FloatArray
+    ) -> NDArray[np.int64]:
+        """Return the numbers of the rays that may hit something, and of some that pass it by a hair.
+
+        Args:
+            robots: (n,) of ``ROBOT``.
+            index: whose rays.
+            boxes: (k, 6) as in ``World.box_rows``.
+            discs: (m, 5) as in ``World.disc_rows``.
+            polygons: (l, ...) as in ``World.polygon_rows``.
+        """
+        return _near(robots, index, self._radius_m, self._points, self._tips, boxes, discs, polygons)
+
+    def read(self, rays: NDArray[np.int64], fractions: list[float]) -> FloatArray:
+        """Return the readings (n_sensors,) [m] for the fraction of each of some rays that is free."""
         ranges = self.nothing.copy()
-        _nearest_of_each(np.array(fractions), self._lengths, self._offsets, self._first, ranges)
+        _nearest_of_each(rays, np.array(fractions), self._lengths, self._offsets, self._sensors, ranges)
         return ranges
 
     def bury(
@@ -87,12 +106,81 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
 
 @numba.njit(cache=True)
 def _nearest_of_each(
-    fractions: FloatArray, lengths: FloatArray, offsets: FloatArray, first: NDArray[np.int64], ranges: FloatArray
+    rays: NDArray[np.int64],
+    fractions: FloatArray,
+    lengths: FloatArray,
+    offsets: FloatArray,
+    sensors: NDArray[np.int64],
+    ranges: FloatArray,
 ) -> None:
-    for sensor in range(ranges.shape[0]):
-        for ray in range(first[sensor], first[sensor + 1]):
-            if fractions[ray] < 1.0:
-                ranges[sensor] = min(ranges[sensor], max(fractions[ray] * lengths[ray] - offsets[ray], 0.0))
+    for k in range(rays.shape[0]):
+        ray, sensor = rays[k], sensors[rays[k]]
+        if fractions[k] < 1.0:
+            ranges[sensor] = min(ranges[sensor], max(fractions[k] * lengths[ray] - offsets[ray], 0.0))
+
+
+@numba.njit(cache=True)
+def _near(
+    robots: NDArray[np.void],
+    index: int,
+    radius_m: float,
+    begins: FloatArray,
+    ends: FloatArray,
+    boxes: FloatArray,
+    discs: FloatArray,
+    polygons: FloatArray,
+) -> NDArray[np.int64]:
+    hair = HAIR_RADII * radius_m
+    x, y, heading = robots[index].x_m, robots[index].y_m, robots[index].heading_rad
+    cosine, sine = math.cos(heading), math.sin(heading)
+    found = np.empty(begins.shape[0], np.int64)
+    count = 0
+    for ray in range(begins.shape[0]):
+        ax = x + cosine * begins[ray, 0] - sine * begins[ray, 1]
+        ay = y + sine * begins[ray, 0] + cosine * begins[ray, 1]
+        ux = cosine * (ends[ray, 0] - begins[ray, 0]) - sine * (ends[ray, 1] - begins[ray, 1])
+        uy = sine * (ends[ray, 0] - begins[ray, 0]) + cosine * (ends[ray, 1] - begins[ray, 1])
+        hit = False
+        for i in range(boxes.shape[0]):
+            hit = hit or _meets_box(ax, ay, ux, uy, boxes[i], hair)
+        for i in range(discs.shape[0]):
+            hit = hit or _meets_circle(ax, ay, ux, uy, discs[i, 0], discs[i, 1], discs[i, 2] + hair)
+        for i in range(polygons.shape[0]):
+            hit = hit or _meets_circle(ax, ay, ux, uy, polygons[i, 0], polygons[i, 1], polygons[i, 2] + hair)
+        for i in range(robots.shape[0]):
+            if i != index:
+                hit = hit or _meets_circle(ax, ay, ux, uy, robots[i].x_m, robots[i].y_m, radius_m + hair)
+        if hit:
+            found[count] = ray
+            count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True)
+def _meets_circle(ax: float, ay: float, ux: float, uy: float, x: float, y: float, radius: float) -> bool:
+    """Return whether the segment from a along u comes into a circle."""
+    dx, dy = x - ax, y - ay
+    along = min(max((dx * ux + dy * uy) / (ux * ux + uy * uy), 0.0), 1.0)
+    dx, dy = dx - along * ux, dy - along * uy
+    return dx * dx + dy * dy <= radius * radius
+
+
+@numba.njit(cache=True)
+def _meets_box(ax: float, ay: float, ux: float, uy: float, box: FloatArray, hair: float) -> bool:
+    """Return whether the segment from a along u comes into a box: its part within both pairs of sides is not empty."""
+    dx, dy = ax - box[0], ay - box[1]
+    low, high = 0.0, 1.0
+    for axis in range(2):
+        place = box[4] * dx + box[5] * dy if axis == 0 else box[4] * dy - box[5] * dx
+        step = box[4] * ux + box[5] * uy if axis == 0 else box[4] * uy - box[5] * ux
+        half = box[2 + axis] + hair
+        if step == 0.0:
+            if abs(place) > half:
+                return False
+            continue
+        first, second = (-half - place) / step, (half - place) / step
+        low, high = max(low, min(first, second)), min(high, max(first, second))
+    return low <= high
 
 
 @numba.njit(cache=True)

@@ -12,18 +12,17 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Pose
 from navbench.descriptions.obstacles import Bounds
-from navbench.descriptions.record import Outcome
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
-from navbench.physics.contacts import ContactLedger, Contacts
+from navbench.physics.contacts import ContactLedger, Contacts, Event
 from navbench.physics.drive import Drive
 from navbench.physics.motion import (
     NOT_YET,
@@ -62,15 +61,6 @@ FloatArray = NDArray[np.float64]
 SUBSTEP_RADII = 0.25  # no body moves further than this in a substep, so none jumps through another
 CONTACT_MARGIN_RADII = 0.05  # PyBullet is asked for contacts only where the analytic clearance is below this
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
-
-
-class Event(NamedTuple):
-    """A robot's end: which one, how, why, and when [s]."""
-
-    robot_index: int
-    outcome: Outcome
-    reason: str
-    t_s: float
 
 
 class Simulator:
@@ -197,23 +187,30 @@ class Simulator:
     def ranges(self, index: int, clearance_m: float) -> FloatArray:
         """Return what one robot's ring measures without noise: (n_sensors,) [m], largest range where nothing is.
 
-        PyBullet is asked only where something is near enough to be hit.
+        PyBullet is asked only for the rays that something is near enough to be hit by.
 
         Args:
             index: which robot.
             clearance_m: its present clearance, as in its row of ``robots`` [m].
         """
-        rays = self._rays
+        rays, scene = self._rays, self.scene
         if clearance_m > rays.reach_m:
             return rays.nothing.copy()
-        if not self._posed:
-            self._pose_bodies()
-        hits = pybullet.rayTestBatch(
-            rays.begins, rays.ends, parentObjectUniqueId=self._robot_bodies[index], physicsClientId=self._client
-        )
-        ranges = rays.read([hit[2] for hit in hits])
+        near = rays.near(self.robots, index, scene.boxes, scene.discs, scene.polygons)
+        hits: Sequence[tuple[Any, ...]] = ()
+        if len(near):
+            if not self._posed:
+                self._pose_bodies()
+            numbers = near.tolist()
+            hits = pybullet.rayTestBatch(
+                [rays.begins[ray] for ray in numbers],
+                [rays.ends[ray] for ray in numbers],
+                parentObjectUniqueId=self._robot_bodies[index],
+                physicsClientId=self._client,
+            )
+        ranges = rays.read(near, [hit[2] for hit in hits])
         if self._ledger.touching[index] or clearance_m <= rays.exposed_m:
-            row, scene = self.robots[index], self.scene
+            row = self.robots[index]
             discs = np.concatenate([scene.discs, self._other_robots(index)])
             rays.bury(ranges, row["x_m"], row["y_m"], row["heading_rad"], scene.boxes, discs, scene.polygons)
         return ranges
@@ -245,9 +242,8 @@ class Simulator:
         return events
 
     def _substep(self, t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
-        scene = self.scene
+        scene, track = self.scene, self.robot.track_m
         scene.move_to(t_s + h)
-        track = self.robot.track_m
         least, arrived = move(
             self.robots,
             self._drive.in_force,
@@ -384,12 +380,12 @@ class Simulator:
 
     def _look_from_above(self, bounds: Bounds) -> None:
         """Turn the window's camera to the whole world, and hide the window's own panels."""
-        b, s = bounds, self._scale
+        b, s, client = bounds, self._scale, self._client
         centre = (0.5 * (b.x_min_m + b.x_max_m) * s, 0.5 * (b.y_min_m + b.y_max_m) * s, 0.0)
         size = max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m) * s
-        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._client)
-        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_SHADOWS, 0, physicsClientId=self._client)
-        pybullet.resetDebugVisualizerCamera(size, 0.0, -89.9, centre, physicsClientId=self._client)
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=client)
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_SHADOWS, 0, physicsClientId=client)
+        pybullet.resetDebugVisualizerCamera(size, 0.0, -89.9, centre, physicsClientId=client)
 
     def _show(self, dt_s: float) -> None:
         """Show the present poses and wait, so that the window runs in real time."""
