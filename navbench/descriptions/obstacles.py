@@ -126,6 +126,12 @@ class Mover:
         for a, b in zip(self.waypoints, ends, strict=False):
             yield a, b, math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
 
+    def place(self, t_s: float) -> tuple[float, float]:
+        """Return where its centre is at a time: x, y [m]."""
+        rows = np.zeros((1, 5))
+        place_movers(t_s, *mover_tables([self]), rows)
+        return float(rows[0, 0]), float(rows[0, 1])
+
     def schedule(self) -> FloatArray:
         """Return one round of the mover as (n_legs, 6) rows: begin and end time [s], x, y [m], vx, vy [m/s]."""
         legs = [(a, b, length, speed) for (a, b, length), speed in zip(self._legs(), self.speeds_mps, strict=True)]

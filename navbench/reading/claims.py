@@ -4,10 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from navbench.descriptions.description import STRICT, DescriptionError, Number, Positive
+from navbench.mathematics.statistics import Interval, wilson
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,6 +89,27 @@ class Measured(NamedTuple):
     low: float
     high: float
     n: int
+
+    @classmethod
+    def median(cls, values: ArrayLike) -> "Measured | None":
+        """Return the median with the range; None of nothing."""
+        values = np.asarray(values, dtype=np.float64)
+        return (
+            cls(float(np.median(values)), float(values.min()), float(values.max()), len(values))
+            if len(values)
+            else None
+        )
+
+    @classmethod
+    def share(cls, cases: ArrayLike) -> "Measured | None":
+        """Return the share of cases that hold, with Wilson's interval; None of no case."""
+        cases = np.asarray(cases, dtype=bool)
+        return cls.of(wilson(int(cases.sum()), len(cases))) if len(cases) else None
+
+    @classmethod
+    def of(cls, interval: Interval) -> "Measured":
+        """Return what statistics says of a figure."""
+        return cls(interval.value, interval.low, interval.high, interval.n)
 
 
 def verdict(claim: Claim, measured: Measured | None) -> tuple[Verdict, str]:

@@ -171,8 +171,14 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
     ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
 
 
-def draw_world(ax: "Axes", world: World) -> None:
-    """Draw a world: bounds, boxes, walls, discs, polygons, movers with their ways, goals and the finish line."""
+def draw_world(ax: "Axes", world: World, t_s: float | None = None) -> None:
+    """Draw a world: bounds, boxes, walls, discs, polygons, movers, goals and the finish line.
+
+    Args:
+        ax: where to draw.
+        world: what to draw, its layout drawn.
+        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their ways.
+    """
     from matplotlib.patches import Polygon
 
     for i, box in enumerate(world.solids()):
@@ -183,8 +189,9 @@ def draw_world(ax: "Axes", world: World) -> None:
         ax.add_patch(Polygon([(p.x_m, p.y_m) for p in polygon.corners], color=OBSTACLE, zorder=2))
     for mover in world.movers:
         points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
-        ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=1.0, zorder=1)
-        draw_mover(ax, mover, points[0].x_m, points[0].y_m)
+        if t_s is None:
+            ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=1.0, zorder=1)
+        _draw_mover(ax, mover, *mover.place(t_s or 0.0))
     for goal in world.goals:
         ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
         ax.plot(goal.x_m, goal.y_m, "x", color="black", markersize=7, zorder=5)
@@ -197,20 +204,19 @@ def draw_world(ax: "Axes", world: World) -> None:
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
 
 
-def draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float, alpha: float = 0.8) -> None:
-    """Draw a mover at a place."""
+def _draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float) -> None:
     from matplotlib.patches import Polygon
 
     if mover.outline:
         corners = [(x_m + p.x_m, y_m + p.y_m) for p in mover.outline]
-        ax.add_patch(Polygon(corners, color=MOVER, alpha=alpha, zorder=3))
+        ax.add_patch(Polygon(corners, color=MOVER, alpha=0.8, zorder=3))
     else:
-        ax.add_patch(_circle(x_m, y_m, mover.radius_m, color=MOVER, alpha=alpha))
+        ax.add_patch(_circle(x_m, y_m, mover.radius_m, color=MOVER, alpha=0.8))
 
 
-def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float) -> None:
-    """Draw where a robot begins."""
-    ax.add_patch(_circle(x_m, y_m, radius_m, fill=False, color="black", zorder=6))
+def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float, color: str = "black") -> None:
+    """Draw a robot's hull, such as where it begins."""
+    ax.add_patch(_circle(x_m, y_m, radius_m, fill=False, color=color, zorder=6))
 
 
 def _corners(box: Any) -> Any:

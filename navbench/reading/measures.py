@@ -13,11 +13,12 @@ import numpy as np
 
 from navbench.descriptions.description import DescriptionError
 from navbench.descriptions.world import World
-from navbench.mathematics.statistics import Interval, newcombe_paired, restricted_mean_difference, wilson
+from navbench.mathematics.statistics import newcombe_paired, restricted_mean_difference
+from navbench.reading import fleet_measures, way_measures
 from navbench.reading.claims import Measured
 from navbench.reading.phases import is_within
 from navbench.reading.phases import phases as phases_of
-from navbench.reading.stored import PAIR, Reading, outcomes, reached
+from navbench.reading.stored import Reading, outcomes, reached
 
 Select = Mapping[str, Any]
 RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it is written
@@ -31,23 +32,23 @@ def median(reading: Reading, metric: str, select: Select) -> Measured | None:
         metric: the metric's name.
         select: which cells.
     """
-    return _median(reached(reading.select(**select))[metric].to_numpy())
+    return Measured.median(reached(reading.select(**select))[metric].to_numpy())
 
 
 def median_ratio(reading: Reading, metric: str, over: str, select: Select) -> Measured | None:
     """Return the median, over the robots that reached, of one metric over another one, with its range."""
     rows = reached(reading.select(**select))
-    return _median((rows[metric] / rows[over]).to_numpy())
+    return Measured.median((rows[metric] / rows[over]).to_numpy())
 
 
 def median_over_straight(reading: Reading, select: Select) -> Measured | None:
     """Return the median of path length over the straight line from start to goal, less the goal's tolerance."""
     rows = reached(reading.select(**select))
     ratios = [
-        row["path_length_m"] / _straight_m(reading.world(row["run_id"]), row["robot_index"])
+        row["path_length_m"] / _straight_m(reading.world(row["run_id"], row["episode"]), row["robot_index"])
         for row in rows.to_dict("records")
     ]
-    return _median(np.array(ratios))
+    return Measured.median(ratios)
 
 
 def share_better(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
@@ -62,11 +63,11 @@ def share_better(reading: Reading, metric: str, select: Select, than: Select) ->
         select: the cells that are said to be better.
         than: the cells that they are compared with.
     """
-    rows = reading.select(**select).merge(reading.select(**than), on=PAIR, suffixes=("", "_other"))
+    rows = reading.pairs(select, than, each=True)
     here, there = rows["outcome"] == "reached", rows["outcome_other"] == "reached"
     rows, here, there = rows[here | there], here[here | there], there[here | there]
     better = here & (~there | (rows[metric] < rows[f"{metric}_other"]))
-    return _share(better.to_numpy())
+    return Measured.share(better.to_numpy())
 
 
 def share_ordered(reading: Reading, metric: str, labels: Sequence[str], select: Select) -> Measured | None:
@@ -82,22 +83,22 @@ def share_ordered(reading: Reading, metric: str, labels: Sequence[str], select: 
     table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)
     table = table.reindex(columns=list(labels)).dropna()
     values = table.to_numpy()
-    return _share(np.all(values[:, :-1] > values[:, 1:], axis=1))
+    return Measured.share(np.all(values[:, :-1] > values[:, 1:], axis=1))
 
 
 def share_reached(reading: Reading, select: Select) -> Measured | None:
     """Return the share of robots that reached their goals."""
-    return _share((reading.select(**select)["outcome"] == "reached").to_numpy())
+    return Measured.share((reading.select(**select)["outcome"] == "reached").to_numpy())
 
 
 def share_with_outcome(reading: Reading, outcomes: Sequence[str], select: Select) -> Measured | None:
     """Return the share of robots with one of some outcomes."""
-    return _share(reading.select(**select)["outcome"].isin(list(outcomes)).to_numpy())
+    return Measured.share(reading.select(**select)["outcome"].isin(list(outcomes)).to_numpy())
 
 
 def share_without_collision(reading: Reading, select: Select) -> Measured | None:
     """Return the share of robots that touched nothing."""
-    return _share((reading.select(**select)["collisions"] == 0).to_numpy())
+    return Measured.share((reading.select(**select)["collisions"] == 0).to_numpy())
 
 
 def share_as_good(reading: Reading, metric: str, select: Select, than: Select, margin: float) -> Measured | None:
@@ -110,17 +111,17 @@ def share_as_good(reading: Reading, metric: str, select: Select, than: Select, m
         than: the cells that they are compared with.
         margin: how much more is as good, as a share of the other's metric.
     """
-    rows = reading.select(**select).merge(reading.select(**than), on=PAIR, suffixes=("", "_other"))
+    rows = reading.pairs(select, than, each=True)
     here, there = rows["outcome"] == "reached", rows["outcome_other"] == "reached"
     close = here & there & (rows[metric] <= (1.0 + margin) * rows[f"{metric}_other"])
-    return _share((close | ~there).to_numpy())
+    return Measured.share((close | ~there).to_numpy())
 
 
 def speed_range(reading: Reading, select: Select) -> Measured | None:
     """Return the median forward speed over all control periods, with the least and the greatest [m/s]."""
     rows = reading.select(**select)
     speeds = [reading.trajectory(run_id)["v_mps"].to_numpy() for run_id in rows["run_id"].unique()]
-    return _median(np.concatenate(speeds))
+    return Measured.median(np.concatenate(speeds))
 
 
 def share_in_phases(reading: Reading, phases: Sequence[str], select: Select) -> Measured | None:
@@ -135,13 +136,13 @@ def share_in_phases(reading: Reading, phases: Sequence[str], select: Select) -> 
         is_within(phases, [phase.name for phase in phases_of(reading.way(row), row["outcome"])])
         for row in reading.select(**select).to_dict("records")
     ]
-    return _share(np.array(held))
+    return Measured.share(held)
 
 
 def difference_in_reached(reading: Reading, select: Select, than: Select) -> Measured | None:
     """Return the paired difference of two shares that reached, with Newcombe's interval."""
     rows = reading.pairs(select, than)
-    return _measured(newcombe_paired(*(outcomes(rows)[side] for side in ("", "_other"))))
+    return Measured.of(newcombe_paired(*(outcomes(rows)[side] for side in ("", "_other"))))
 
 
 def difference_in_time(reading: Reading, select: Select, than: Select) -> Measured | None:
@@ -156,14 +157,31 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
         raise DescriptionError(f"{reading.results.path}: {select}: the worlds must share one time limit")
     times_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     rng = np.random.default_rng(RESAMPLING_SEED)
-    return _measured(restricted_mean_difference(times_s[0], here, times_s[1], there, limits_s.pop(), rng))
+    return Measured.of(restricted_mean_difference(times_s[0], here, times_s[1], there, limits_s.pop(), rng))
+
+
+def median_decrease(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
+    """Return by how much a metric is less than another controller's, in percent of that: the median pair's, and the range.
+
+    Pairs are those in which both reached; where one has been tuned several times, each tuning makes a pair. An
+    increase is negative.
+
+    Args:
+        reading: the study's results.
+        metric: the metric's name.
+        select: the cells that are said to have less.
+        than: the cells that they are compared with.
+    """
+    rows = reading.pairs(select, than, each=True)
+    rows = rows[np.logical_and(*outcomes(rows).values())]
+    return Measured.median(100.0 * (1.0 - rows[metric] / rows[f"{metric}_other"]))
 
 
 def least_cost(reading: Reading, tunings: Sequence[str]) -> Measured | None:
     """Return the median, over some tunings and their seeds, of the least cost that was found, with its range."""
     rows = reading.evaluations
     costs = rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].min()
-    return _median(costs.to_numpy())
+    return Measured.median(costs.to_numpy())
 
 
 def share_at_bound(reading: Reading, parameter: str, tunings: Sequence[str]) -> Measured | None:
@@ -178,7 +196,7 @@ def share_at_bound(reading: Reading, parameter: str, tunings: Sequence[str]) -> 
     best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
     tunable = next(t for t in reading.manifest["tunings"] if t["name"] in tunings)["configuration"]["tunable"]
     low, high = tunable[parameter]["low"], tunable[parameter]["high"]
-    return _share((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
+    return Measured.share((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
 
 
 def measure(reading: Reading, name: str, arguments: Mapping[str, Any]) -> Measured | None:
@@ -205,22 +223,6 @@ def check_measure(key: str, spec: Mapping[str, Any]) -> None:
             raise DescriptionError(f"{key}.{needed}: missing; {name} takes {', '.join(allowed)}")
 
 
-def _median(values: Any) -> Measured | None:
-    if not len(values):
-        return None
-    return Measured(float(np.median(values)), float(values.min()), float(values.max()), len(values))
-
-
-def _share(cases: Any) -> Measured | None:
-    if not len(cases):
-        return None
-    return _measured(wilson(int(cases.sum()), len(cases)))
-
-
-def _measured(interval: Interval) -> Measured:
-    return Measured(interval.value, interval.low, interval.high, interval.n)
-
-
 def _straight_m(world: World, robot_index: int) -> float:
     start, goal = world.starts[robot_index], world.goals[robot_index]
     return math.hypot(goal.x_m - start.x_m, goal.y_m - start.y_m) - world.goal_tolerance_m
@@ -242,7 +244,10 @@ MEASURES: Mapping[str, Callable[..., Measured | None]] = {
         share_in_phases,
         difference_in_reached,
         difference_in_time,
+        median_decrease,
         least_cost,
         share_at_bound,
+        *way_measures.MEASURES,
+        *fleet_measures.MEASURES,
     )
 }

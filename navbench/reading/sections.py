@@ -13,6 +13,8 @@ from typing import Any
 from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
+from navbench.reading.evolution import evolution, gains
+from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
 from navbench.reading.stored import Reading
 from navbench.reading.study_figures import memberships, phases, surface, trajectories, velocities
@@ -32,6 +34,11 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         rules,
         surface,
         tuners_compared,
+        evolution,
+        gains,
+        frames,
+        wheel_velocities,
+        fleet_table,
         fair_comparison,
         sources,
         errata,

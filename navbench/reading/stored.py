@@ -98,15 +98,20 @@ class Reading:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
         return rows
 
-    def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any]) -> "pd.DataFrame":
+    def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any], each: bool = False) -> "pd.DataFrame":
         """Return the pairs of two controllers that met the same start and noise, the other's columns with "_other".
+
+        Args:
+            select: the cells of the one.
+            than: the cells of the other.
+            each: whether one that met the same start several times, as with several tunings, makes a pair each time.
 
         Raises:
             DescriptionError: one of them met a start several times, as with several tunings: pairs are not single.
         """
         sides = self.select(**select), self.select(**than)
         for rows in sides:
-            if rows.duplicated(PAIR).any():
+            if not each and rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
         return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
 

@@ -1,0 +1,121 @@
+"""Sections of a report on a controller that evolved: its tunings, and what they gained beside what is printed."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navbench.mathematics.statistics import bootstrap_median, newcombe_paired, share
+from navbench.reading.figures import PALETTE, new_figure, save_figure
+from navbench.reading.markup import MISSING, number, save_table
+from navbench.reading.measures import RESAMPLING_SEED
+from navbench.reading.stored import Reading, outcomes
+
+
+def evolution(
+    reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str], first: int, columns: int = 2
+) -> str:
+    """Return how the cost fell, a panel a tuning and a line a seed, and what the first population alone would give.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        tunings: the name of each tuning and what it is called.
+        first: the size of the first population, the un-evolved chromosome first and its random mutants behind it.
+        columns: how many panels stand side by side.
+    """
+    import pandas as pd
+
+    rows = reading.evaluations
+    figure, axes = new_figure(-(-len(tunings) // columns), columns, 4.6, 2.9)
+    raw, printed = [], []
+    for ax, (name, title) in zip(axes.ravel(), tunings.items(), strict=False):
+        for seed, mine in rows[rows["name"] == name].groupby("seed"):
+            costs = mine.sort_values("evaluation")["cost"]
+            best = np.minimum.accumulate(costs.to_numpy())
+            ax.step(np.arange(1, len(best) + 1), best, where="post", color=PALETTE[int(seed)], label=f"seed {seed}")
+            start, mutant, least = float(best[0]), float(costs.iloc[1:first].min()), float(best[-1])
+            gains = [100.0 * (1.0 - cost / start) for cost in (mutant, least)]
+            raw.append([title, seed, len(best), start, mutant, least, *gains])
+            words = [number(value, 2) for value in (start, mutant, least)] + [number(value, 1) for value in gains]
+            printed.append([title, str(seed), str(len(best)), *words])
+        ax.axvline(first, color="#888888", linewidth=0.8, linestyle=":")
+        ax.set(title=title, xlabel="evaluations", ylabel="least cost so far")
+        ax.grid(alpha=0.3)
+    for ax in axes.ravel()[len(tunings) :]:
+        ax.set_axis_off()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=max(1, len(labels)), frameon=False)
+    names = ["tuning", "seed", "evaluations", "unevolved_cost", "best_first_mutant_cost", "least_cost"]
+    names += ["mutant_gain_percent", "evolved_gain_percent"]
+    headers = ["tuning", "seed", "evaluations", "un-evolved cost", f"best of {first - 1} mutants", "least cost"]
+    headers += ["gain of the mutant [%]", "gain of evolution [%]"]
+    table = save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
+    return f"{save_figure(figure, out, file, caption)}\n{table}"
+
+
+def gains(
+    reading: Reading,
+    out: Path,
+    *,
+    file: str,
+    rows: Mapping[str, Mapping[str, Any]],
+    printed: Mapping[str, Sequence[float | None]] | None = None,
+) -> str:
+    """Return by how much lengths and times fell, in percent of the other controller's, robot by robot.
+
+    Pairs are those in which both reached; the median pair's decrease stands with the bootstrap's interval where there
+    are at least 10 pairs, else with the range. An increase is negative.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        rows: for each row's title, ``select`` (the cells that are said to have gained) and ``than`` (the others).
+        printed: the decreases of length and time that a paper prints, for some of the rows; null for none.
+    """
+    import pandas as pd
+
+    raw, told = [], []
+    for title, sides in rows.items():
+        pairs = reading.pairs(sides["select"], sides["than"], each=True)
+        mine, other = outcomes(pairs).values()
+        both = pairs[mine & other]
+        row: list[Any] = [title, len(pairs), *share(mine)[:3], *share(other)[:3]]
+        words = [title, f"{int(mine.sum())} of {len(pairs)}", f"{int(other.sum())} of {len(pairs)}"]
+        if len(pairs) >= 10:
+            difference = newcombe_paired(mine, other)
+            words.append(f"{difference.value:+.3f} [{difference.low:+.3f}, {difference.high:+.3f}]")
+        else:
+            words.append(MISSING)
+        for k, metric in enumerate(("path_length_m", "time_s")):
+            decrease = 100.0 * (1.0 - both[metric].to_numpy() / both[f"{metric}_other"].to_numpy())
+            figure = (printed or {}).get(title, (None, None))[k]
+            value, low, high = _median(decrease)
+            row += [figure, value, low, high]
+            words += [MISSING if figure is None else f"{figure:g}", _told(value, low, high)]
+        raw.append(row)
+        told.append(words)
+    names = ["row", "pairs", "reached", "reached_low", "reached_high", "other", "other_low", "other_high"]
+    names += [f"{metric}_{part}" for metric in ("length", "time") for part in ("printed", "decrease", "low", "high")]
+    headers = ["", "reached", "of the other", "difference", "length: printed [%]", "here [%]"]
+    headers += ["time: printed [%]", "here [%]"]
+    return save_table(out, file, pd.DataFrame(raw, columns=names), headers, told)
+
+
+def _median(values: Any) -> tuple[float, float, float]:
+    if not len(values):
+        return (float("nan"),) * 3
+    if len(values) < 10:
+        return float(np.median(values)), float(values.min()), float(values.max())
+    found = bootstrap_median(values, np.random.default_rng(RESAMPLING_SEED))
+    return found.value, found.low, found.high
+
+
+def _told(value: float, low: float, high: float) -> str:
+    if value != value:
+        return MISSING
+    return f"{value:.2f}" if low == high else f"{value:.2f} [{low:.2f}, {high:.2f}]"

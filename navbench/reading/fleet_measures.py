@@ -1,0 +1,78 @@
+"""Measures of fleets and of the things that they drive among.
+
+Each is a measure as in ``navbench.reading.measures``.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from navbench.descriptions.description import describe
+from navbench.descriptions.robot import Robot
+from navbench.mathematics.statistics import newcombe_paired
+from navbench.reading.claims import Measured
+from navbench.reading.fleets import fleets
+from navbench.reading.stored import Reading
+
+Select = Mapping[str, Any]
+
+
+def share_of_fleets(reading: Reading, select: Select) -> Measured | None:
+    """Return the share of episodes in which all robots reached their goals."""
+    return Measured.share(fleets(reading.select(**select))["success"])
+
+
+def difference_in_fleets(reading: Reading, select: Select, than: Select) -> Measured | None:
+    """Return the paired difference of two shares of episodes in which all robots reached, with Newcombe's interval."""
+    sides = []
+    for chosen in (select, than):
+        rows = reading.select(**chosen)
+        names = rows[["run_id", "world", "seed"]].drop_duplicates()
+        sides.append(fleets(rows).merge(names, on="run_id"))
+    pairs = sides[0].merge(sides[1], on=["world", "seed", "episode"], suffixes=("", "_other"))
+    return Measured.of(newcombe_paired(*(pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))))
+
+
+def mover_speed(reading: Reading, mover: int, leg: int, select: Select) -> Measured | None:
+    """Return how fast a mover drives one of its legs, as a share of the robots' wheel-speed limit.
+
+    Args:
+        reading: the study's results.
+        mover: its number in the world, from 0.
+        leg: the leg's number, from 0.
+        select: which cells; each cell counts once.
+    """
+    shares = []
+    for run_id in reading.select(**select)["run_id"].unique():
+        world = reading.world(run_id)
+        one = world.movers[mover]
+        begin, end = one.schedule()[leg, :2] - one.phase_s
+        early, late = (one.place(begin + part * (end - begin)) for part in (0.25, 0.75))
+        robot = describe(Robot, reading.configuration(run_id)["configuration"]["robot"], "robot")
+        shares.append(math.dist(early, late) / (0.5 * (end - begin)) / robot.wheel_speed_max_mps)
+    return Measured.median(shares)
+
+
+def share_of_discs_met(reading: Reading, within_m: float, select: Select) -> Measured | None:
+    """Return the share of a world's standing discs that some robot came near to, from hull to hull, and none hit.
+
+    Args:
+        reading: the study's results.
+        within_m: how near counts [m].
+        select: which cells.
+    """
+    met = []
+    for (run_id, episode), fleet in reading.select(**select).groupby(["run_id", "episode"], sort=False):
+        world = reading.world(run_id, episode)
+        robot = describe(Robot, reading.configuration(run_id)["configuration"]["robot"], "robot")
+        places = np.concatenate([reading.way(row)[["x_m", "y_m"]].to_numpy() for row in fleet.to_dict("records")])
+        reasons = set(fleet["reason"])
+        for i, disc in enumerate(world.discs):
+            away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m
+            met.append(away <= within_m and f"hit disc {i}" not in reasons)
+    return Measured.share(met)
+
+
+MEASURES = (share_of_fleets, difference_in_fleets, mover_speed, share_of_discs_met)

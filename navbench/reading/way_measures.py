@@ -1,0 +1,137 @@
+"""Measures of how robots drove rather than how they ended: from their trajectories and what the controllers traced.
+
+Each is a measure as in ``navbench.reading.measures``. A column is one of the trajectory's, such as ``v_mps``, or of
+the controller's trace. A band is [low, high], both in it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.reading.claims import Measured
+from navbench.reading.stored import Reading
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Select = Mapping[str, Any]
+Bands = Mapping[str, Sequence[float]]
+
+
+def share_of_periods(reading: Reading, select: Select, where: Bands, holds: Bands) -> Measured | None:
+    """Return in what share of some of a robot's control periods some bands hold: the median robot's, with the range.
+
+    Periods follow from one another, so they are not counted as independent cases.
+
+    Args:
+        reading: the study's results.
+        select: which cells and robots.
+        where: which periods: a band for each of some columns.
+        holds: what must hold in them: a band for each of some columns.
+    """
+    shares = []
+    for way in _ways(reading, select):
+        chosen = way[_within(way, where)]
+        if len(chosen):
+            shares.append(float(_within(chosen, holds).mean()))
+    return Measured.median(shares)
+
+
+def share_with_least(reading: Reading, column: str, at_most: float, select: Select) -> Measured | None:
+    """Return the share of robots for which a column falls to a value or below it."""
+    return Measured.share([way[column].min() <= at_most for way in _ways(reading, select)])
+
+
+def share_slowing(reading: Reading, column: str, within_s: float, select: Select) -> Measured | None:
+    """Return the share of onsets of a state after which a robot is slower than before, within so long.
+
+    An onset is a control period in which a column is not 0 after one in which it was; those in which the robot already
+    backs or stands are left out.
+
+    Args:
+        reading: the study's results.
+        column: what tells the state.
+        within_s: how soon the least speed is looked for [s].
+        select: which cells and robots.
+    """
+    slower = []
+    for way in _ways(reading, select):
+        t_s, v_mps, on = way["t_s"].to_numpy(), way["v_mps"].to_numpy(), way[column].to_numpy() != 0.0
+        for k in np.flatnonzero(on[1:] & ~on[:-1]) + 1:
+            if v_mps[k - 1] > 0.0:
+                soon = (t_s >= t_s[k]) & (t_s <= t_s[k] + within_s)
+                slower.append(bool(v_mps[soon].min() < v_mps[k - 1]))
+    return Measured.share(slower)
+
+
+def share_regaining(reading: Reading, column: str, speed_mps: float, select: Select) -> Measured | None:
+    """Return the share of robots that drive as fast as this again after a state's last end.
+
+    Args:
+        reading: the study's results.
+        column: what tells the state: not 0 in it. Robots that were never in it are left out.
+        speed_mps: how fast [m/s].
+        select: which cells and robots.
+    """
+    again = []
+    for way in _ways(reading, select):
+        on = np.flatnonzero(way[column].to_numpy() != 0.0)
+        if len(on):
+            again.append(bool((way["v_mps"].to_numpy()[on[-1] + 1 :] >= speed_mps).any()))
+    return Measured.share(again)
+
+
+def share_passing_first(
+    reading: Reading, column: str, first: int, second: int, slow_mps: float, fast_mps: float, select: Select
+) -> Measured | None:
+    """Return the share of episodes in which two robots in danger slow down, one passes, and the other follows.
+
+    In this order: both are in a state and slower than ``slow_mps``; the first is faster than the second while the
+    second is still in it; and, after the first has left it, the second is faster than ``fast_mps``.
+
+    Args:
+        reading: the study's results.
+        column: what tells the state: not 0 in it.
+        first: the index of the robot that passes first.
+        second: that of the other one.
+        slow_mps: the speed below which both have slowed down [m/s].
+        fast_mps: the speed above which the second has speeded up [m/s].
+        select: which cells.
+    """
+    held = []
+    rows = reading.select(**select)
+    for _, fleet in rows.groupby(["run_id", "episode"], sort=False):
+        ways = {row["robot_index"]: reading.way(row).iloc[:-1] for row in fleet.to_dict("records")}
+        length = min(len(ways[first]), len(ways[second]))
+        v1, v2 = (ways[i]["v_mps"].to_numpy()[:length] for i in (first, second))
+        on1, on2 = (ways[i][column].to_numpy()[:length] != 0.0 for i in (first, second))
+        late = ways[second]["v_mps"].to_numpy()
+        slowed = _first(on1 & on2 & (np.abs(v1) < slow_mps) & (np.abs(v2) < slow_mps), 0)
+        passed = None if slowed is None else _first(on2 & (v1 > v2), slowed)
+        left = None if passed is None else _first(~on1, passed)
+        held.append(left is not None and _first(late > fast_mps, left) is not None)
+    return Measured.share(held)
+
+
+def _first(holds: NDArray[np.bool_], begin: int) -> int | None:
+    """Return the first place from ``begin`` on at which something holds."""
+    found = np.flatnonzero(holds[begin:])
+    return begin + int(found[0]) if len(found) else None
+
+
+def _ways(reading: Reading, select: Select) -> "Iterator[pd.DataFrame]":
+    """Yield the control periods of each robot and episode."""
+    for row in reading.select(**select).to_dict("records"):
+        yield reading.way(row).iloc[:-1]
+
+
+def _within(way: "pd.DataFrame", bands: Bands) -> NDArray[np.bool_]:
+    held = np.ones(len(way), dtype=bool)
+    for column, (low, high) in bands.items():
+        held &= way[column].between(low, high).to_numpy()
+    return held
+
+
+MEASURES = (share_of_periods, share_with_least, share_slowing, share_regaining, share_passing_first)
