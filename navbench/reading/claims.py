@@ -94,11 +94,9 @@ class Measured(NamedTuple):
     def median(cls, values: ArrayLike) -> "Measured | None":
         """Return the median with the range; None of nothing."""
         values = np.asarray(values, dtype=np.float64)
-        return (
-            cls(float(np.median(values)), float(values.min()), float(values.max()), len(values))
-            if len(values)
-            else None
-        )
+        if not len(values):
+            return None
+        return cls(float(np.median(values)), float(values.min()), float(values.max()), len(values))
 
     @classmethod
     def share(cls, cases: ArrayLike) -> "Measured | None":

@@ -33,10 +33,16 @@ def evolution(
     figure, axes = new_figure(-(-len(tunings) // columns), columns, 4.6, 2.9)
     raw, printed = [], []
     for ax, (name, title) in zip(axes.ravel(), tunings.items(), strict=False):
-        for seed, mine in rows[rows["name"] == name].groupby("seed"):
-            costs = mine.sort_values("evaluation")["cost"]
+        for seed in sorted(rows.loc[rows["name"] == name, "seed"].unique().tolist()):
+            costs = rows[(rows["name"] == name) & (rows["seed"] == seed)].sort_values("evaluation")["cost"]
             best = np.minimum.accumulate(costs.to_numpy())
-            ax.step(np.arange(1, len(best) + 1), best, where="post", color=PALETTE[int(seed)], label=f"seed {seed}")
+            ax.step(
+                np.arange(1, len(best) + 1),
+                best,
+                where="post",
+                color=PALETTE[seed % len(PALETTE)],
+                label=f"seed {seed}",
+            )
             start, mutant, least = float(best[0]), float(costs.iloc[1:first].min()), float(best[-1])
             gains = [100.0 * (1.0 - cost / start) for cost in (mutant, least)]
             raw.append([title, seed, len(best), start, mutant, least, *gains])

@@ -64,10 +64,12 @@ def share_of_discs_met(reading: Reading, within_m: float, select: Select) -> Mea
         select: which cells.
     """
     met = []
-    for (run_id, episode), fleet in reading.select(**select).groupby(["run_id", "episode"], sort=False):
-        world = reading.world(run_id, episode)
+    for _, fleet in reading.select(**select).groupby(["run_id", "episode"], sort=False):
+        robots = fleet.to_dict("records")
+        run_id = robots[0]["run_id"]
+        world = reading.world(run_id, robots[0]["episode"])
         robot = describe(Robot, reading.configuration(run_id)["configuration"]["robot"], "robot")
-        places = np.concatenate([reading.way(row)[["x_m", "y_m"]].to_numpy() for row in fleet.to_dict("records")])
+        places = np.concatenate([reading.way(row)[["x_m", "y_m"]].to_numpy() for row in robots])
         reasons = set(fleet["reason"])
         for i, disc in enumerate(world.discs):
             away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m

@@ -161,7 +161,7 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
 
 
 def median_decrease(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
-    """Return by how much a metric is less than another controller's, in percent of that: the median pair's, and the range.
+    """Return by how much a metric is less than another controller's, in percent: the median pair's, with the range.
 
     Pairs are those in which both reached; where one has been tuned several times, each tuning makes a pair. An
     increase is negative.
