@@ -76,7 +76,8 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
     names = Names(*(str(choices[name]) for name in Names._fields))
     sources = {name: latest_sources(_take(_mapping(values[name], name), "sources")) for name in Names._fields}
     native = _native(values["controller"])
-    _take(values["controller"], "tunable")  # bounds for a tuning, which reads them for itself
+    for key in ("tunable", "repair"):
+        _take(values["controller"], key)  # for a tuning, which reads them for itself
     _check_keys(values["controller"], "controller", ("build", "native", "sources"))
     _check_keys(values["world"], "world", [item.name for item in fields(World) if item.name != "name"])
     world = describe(World, {**values["world"], "name": names.world}, "world")
