@@ -1,0 +1,190 @@
+"""OA-FLC and TO-FLC of Zhao and Lee: several robots that avoid obstacles and each other without a word between them.
+
+R. Zhao, H.-K. Lee, "Fuzzy-based Path Planning for Multiple Mobile Robots in Unknown Dynamic Environment", Journal of
+Electrical Engineering & Technology 12, 2017; evolved by a genetic algorithm in R. Zhao, H.-K. Lee, "Intelligent
+Navigation Algorithm for Mobile Robots based on Optimized Fuzzy Logic", Journal of IKEEE 22, 2018.
+
+Each robot turns to its target by one fuzzy controller, TO-FLC, and away from danger by another one, OA-FLC; which of
+them drives is decided anew every 0.1 s. Danger is the time to a collision, which a sensor tells from two readings, so
+that standing and moving obstacles and other robots are all one. ``zhao2017`` holds the equations and that decision,
+``zhao2017_fuzzy`` the fuzzy controllers, ``zhao2017_sets`` what they are made of.
+
+| symbol | here | unit | where |
+|---|---|---|---|
+| R, Phi | inputs of OA-FLC: least time to a collision, its direction | s, rad | eqs 7, 8 |
+| D, Psi | inputs of TO-FLC: distance of the target, heading less its direction | radii, rad | section 3.2 |
+| v_L, v_R | outputs: speed of the left and the right wheel | m/s | Tables 1 and 2 |
+| D_safe, T_safe, medium | ``safe_distance_m``, ``safe_time_s``, ``medium_time_s`` | m, s, s | Table 3 |
+
+Errata of zhao2017, corrected here beside those of ``zhao2017``:
+
+- Its (1) and (3) turn by (v_L - v_R) / L, against its own Psi = theta - psi_t and its rules: the sign is the other one.
+  (3) also adds d to velocities; P_W and P_R are one point here, as on all of this project's robots.
+- A set at the end of the range has its centroid inside: PB alone gives 5/6 and "the maximum speed" would never be
+  driven. The output is multiplied by ``output_gain`` and clipped to 1.
+
+Kept as printed: in Table 1 F and B turn left by design, and RB and LB turn towards the danger in the rows M to VB; in
+Table 2 the cell VB, PS of v_R is PB, where the mirror image of VB, NS would be NB.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydantic.dataclasses import dataclass
+
+from navbench.contract import Command, Observation, Setup
+from navbench.descriptions.description import STRICT, Number, Positive, describe
+
+from .zhao2017 import SENSOR_ROLES, avoidance, target
+from .zhao2017_fuzzy import described, oa_flc, to_flc
+from .zhao2017_sets import OaMemberships, OaRules, ToMemberships, ToRules
+
+R_SHOWN_MAX_S = 1000.0  # what the trace shows for a greater R, infinity included: a trace is finite
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class Navigation:
+    """The thresholds of Table 3, and what its fuzzy controllers' answers are multiplied by.
+
+    Attributes:
+        safe_distance_m: D_safe: nothing is avoided while all readings are at least this [m].
+        safe_time_s: T_safe: nor while R is at least this [s].
+        medium_time_s: "medium": below this R, special situations are looked for [s].
+        output_gain: of both fuzzy controllers' outputs, before they are clipped to [-1, 1].
+    """
+
+    safe_distance_m: Positive
+    safe_time_s: Positive
+    medium_time_s: Positive
+    output_gain: Positive
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class SpecialPhi:
+    """To what Phi is rewritten in the special situations of section 4 [rad], in the order of ``zhao2017.rewritten``.
+
+    Attributes:
+        ahead_turn_left: danger ahead, and the left is freer.
+        ahead_turn_right: danger ahead, and the left is not freer.
+        right_forward: danger on the right, and the front is freer.
+        right_backward: danger on the right, and the front is not freer.
+        left_forward: danger on the left, and the front is freer.
+        left_backward: danger on the left, and the front is not freer.
+        astern_left_freer: danger astern, and the left is freer.
+        astern_right_freer: danger astern, and the left is not freer.
+    """
+
+    ahead_turn_left: Number
+    ahead_turn_right: Number
+    right_forward: Number
+    right_backward: Number
+    left_forward: Number
+    left_backward: Number
+    astern_left_freer: Number
+    astern_right_freer: Number
+
+
+class OaTo:
+    """Two fuzzy controllers, one for danger and one for the target.
+
+    Attributes:
+        sensor_roles: the sensors that it needs, in this order.
+        oa: OA-FLC: R [s] and Phi [rad] to shares of the wheels' limit.
+        to: TO-FLC: D [robot radii] and Psi [rad] to shares of the wheels' limit.
+    """
+
+    sensor_roles = SENSOR_ROLES
+
+    def __init__(
+        self,
+        *,
+        navigation: Mapping[str, float],
+        special_phi_rad: Mapping[str, float],
+        oa_memberships: Mapping[str, Mapping[str, Mapping[str, float]]],
+        oa_rules: Mapping[str, Mapping[str, Mapping[str, str]]],
+        to_memberships: Mapping[str, Mapping[str, float]],
+        to_rules: Mapping[str, Mapping[str, Mapping[str, str]]],
+    ) -> None:
+        """Check the parameters and build the fuzzy controllers.
+
+        Args:
+            navigation: a value for each field of ``Navigation``.
+            special_phi_rad: a value for each field of ``SpecialPhi``.
+            oa_memberships: the sets of OA-FLC, as ``zhao2017_sets.OaMemberships``.
+            oa_rules: Table 1, as ``zhao2017_sets.OaRules``.
+            to_memberships: the peaks of TO-FLC's sets, as ``zhao2017_sets.ToMemberships``.
+            to_rules: Table 2, as ``zhao2017_sets.ToRules``.
+
+        Raises:
+            ValueError: a parameter is unknown, missing or out of range.
+        """
+        chosen = describe(Navigation, navigation, "build.navigation")
+        special = describe(SpecialPhi, special_phi_rad, "build.special_phi_rad")
+        self._thresholds = (chosen.safe_distance_m, chosen.safe_time_s, chosen.medium_time_s)
+        self._output_gain = chosen.output_gain
+        self._directions = tuple(getattr(special, name) for name in SpecialPhi.__dataclass_fields__)
+        self.oa = oa_flc(
+            describe(OaMemberships, oa_memberships, "build.oa_memberships"),
+            describe(OaRules, oa_rules, "build.oa_rules"),
+        )
+        self.to = to_flc(
+            describe(ToMemberships, to_memberships, "build.to_memberships"),
+            describe(ToRules, to_rules, "build.to_rules"),
+        )
+
+    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
+        """Begin an episode; nothing here is left to chance.
+
+        Raises:
+            ValueError: the ring's sensors are not ``sensor_roles``.
+        """
+        roles = tuple(sensor.role for sensor in setup.sensors)
+        if roles != SENSOR_ROLES:
+            raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(SENSOR_ROLES)}")
+        self._robot, self._period_s = setup.robot, setup.period_s
+        self._angles_rad = np.array([sensor.heading_rad for sensor in setup.sensors])
+        self._limits_m = np.array([sensor.max_range_m for sensor in setup.sensors])
+        self._before_m = self._limits_m.copy()  # nothing was seen yet
+        self._trace: dict[str, float] = {}
+
+    def act(self, observation: Observation) -> Command:
+        """Return what Table 3 commands: the answer of OA-FLC to the danger, or of TO-FLC to the target."""
+        pose, goal, ranges_m = observation.pose, observation.goal, observation.ranges_m
+        avoids, r, phi, situation, sensor = avoidance(
+            self._before_m, ranges_m, self._limits_m, self._angles_rad, self._period_s,
+            self._thresholds, self._directions,
+        )  # fmt: skip
+        self._before_m[:] = ranges_m
+        d, psi = target(pose.x_m, pose.y_m, pose.heading_rad, goal[0], goal[1], self._robot.radius_m)
+        shares = self.oa(r, phi) if avoids else self.to(d, psi)
+        left_mps, right_mps = (self._wheel_speed(share) for share in shares)
+        self._trace = {
+            "R_s": min(r, R_SHOWN_MAX_S),
+            "Phi_rad": phi,
+            "danger_sensor": float(sensor),
+            "active_flc": float(avoids),
+            "special_situation": float(situation),
+            "D_radii": d,
+            "Psi_rad": psi,
+            "vL_mps": left_mps,
+            "vR_mps": right_mps,
+        }
+        return Command.from_wheels(left_mps, right_mps, self._robot.track_m)
+
+    def _wheel_speed(self, share: float) -> float:
+        return min(max(self._output_gain * share, -1.0), 1.0) * self._robot.wheel_speed_max_mps
+
+    @property
+    def trace(self) -> dict[str, float]:
+        """What the latest act saw and did.
+
+        R (at most ``R_SHOWN_MAX_S``), Phi as OA-FLC is given it (0 without danger) and the number of its sensor (-1
+        without); the active controller (0: TO, 1: OA) and the special situation (0: none, 1: ahead, 2: right, 3: left,
+        4: astern); D and Psi; the commanded wheel speeds.
+        """
+        return self._trace
+
+    def describe(self) -> dict[str, dict[str, list[Any]]]:
+        """Return named tables for a report: memberships (Figs 3 and 5), rules (Tables 1 and 2)."""
+        return described(self.oa, self.to)
