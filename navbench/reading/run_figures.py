@@ -1,0 +1,106 @@
+"""Sections of a report that draw what a controller left in its trace: over time, and along the way."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navbench.reading.figures import PALETTE, draw_world, new_figure, save_figure
+from navbench.reading.markup import number, save_table
+from navbench.reading.stored import Reading
+from navbench.reading.trace_measures import spells
+
+Select = Mapping[str, Any]
+FLAT = 1e-6  # values that differ by less are drawn as one, not as their rounding errors
+
+
+def time_series(
+    reading: Reading,
+    out: Path,
+    *,
+    file: str,
+    caption: str,
+    panels: Mapping[str, Select],
+    series: Mapping[str, Mapping[str, str]],
+) -> str:
+    """Return columns of a trajectory over time: a row for each axis, a column for each run.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        panels: each run's title, and which cells; the first episode of them is drawn.
+        series: each axis's title, such as "mu [degrees]", and the columns that it shows with what each is called;
+            columns in radians are drawn in degrees.
+    """
+    figure, axes = new_figure(len(series), len(panels), 3.6 if len(panels) > 1 else 7.0, 1.8, sharex="col")
+    for above, (title, select) in zip(axes.T, panels.items(), strict=True):
+        way = reading.way(reading.select(**select).to_dict("records")[0]).iloc[:-1]
+        for ax, (label, columns) in zip(above, series.items(), strict=True):
+            for i, (column, called) in enumerate(columns.items()):
+                values = np.degrees(way[column]) if column.endswith("_rad") else way[column]
+                ax.step(way["t_s"], values, where="post", color=PALETTE[i], linewidth=1.1, label=called)
+            low, high = ax.get_ylim()
+            if high - low < FLAT:
+                ax.set_ylim(0.5 * (low + high) - 0.5, 0.5 * (low + high) + 0.5)
+            ax.grid(alpha=0.3)
+            ax.set_ylabel(label)
+            if len(columns) > 1:
+                ax.legend(frameon=False, fontsize=8)
+        above[0].set_title(title)
+        above[-1].set_xlabel("t [s]")
+    return save_figure(figure, out, file, caption)
+
+
+def spells_on_the_way(
+    reading: Reading,
+    out: Path,
+    *,
+    file: str,
+    caption: str,
+    select: Select,
+    column: str,
+    values: Mapping[str, float],
+    least_periods: int,
+) -> str:
+    """Return one run's way, coloured by the value of a column, and a table of its spells.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        caption: what the figure shows.
+        select: which cells; the first episode is drawn.
+        column: the column, such as the active agent.
+        values: what each of its values is called.
+        least_periods: shorter spells are drawn and left out of the table.
+    """
+    import pandas as pd
+
+    row = reading.select(**select).to_dict("records")[0]
+    way = reading.way(row)
+    figure, axes = new_figure(1, 1, 6.0, 5.0)
+    ax = axes[0, 0]
+    draw_world(ax, reading.world(row["run_id"]))
+    held = way[column].to_numpy()[:-1]
+    x_m, y_m = way["x_m"].to_numpy(), way["y_m"].to_numpy()
+    for i, (called, value) in enumerate(values.items()):
+        shown = np.append(held == value, False)
+        shown[1:] |= shown[:-1].copy()  # each piece reaches the beginning of the next
+        ax.plot(
+            np.where(shown, x_m, np.nan), np.where(shown, y_m, np.nan), color=PALETTE[i], linewidth=1.6, label=called
+        )
+    names, raw = {value: called for called, value in values.items()}, []
+    for i, spell in enumerate(spells(held, least_periods)):
+        at = way.iloc[spell.begin]
+        raw.append([i, names[spell.value], at["t_s"], at["x_m"], at["y_m"], spell.length])
+        if i:
+            ax.plot(at["x_m"], at["y_m"], "o", color="black", markersize=4, zorder=8)
+            ax.annotate(str(i), (at["x_m"], at["y_m"]), (6, 4), textcoords="offset points", fontsize=9, zorder=9)
+    figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
+    rows = [[str(i), called, number(t, 2), number(x, 2), number(y, 2), str(n)] for i, called, t, x, y, n in raw]
+    frame = pd.DataFrame(raw, columns=["number", column, "t_s", "x_m", "y_m", "periods"])
+    table = save_table(out, file, frame, ["", column, "from t [s]", "x [m]", "y [m]", "periods"], rows)
+    return f"{save_figure(figure, out, file, caption)}\n{table}"
