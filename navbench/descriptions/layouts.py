@@ -142,10 +142,10 @@ class Room:
             DescriptionError: there is no room.
         """
         b, away = self.bounds, radius_m + self.gap_m
-        fits = 2.0 * radius_m <= min(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m)
+        xs, ys = (b.x_min_m + radius_m, b.x_max_m - radius_m), (b.y_min_m + radius_m, b.y_max_m - radius_m)
+        fits = xs[0] <= xs[1] and ys[0] <= ys[1]
         for _ in range(DRAWS_MAX if fits else 0):
-            x = rng.uniform(b.x_min_m + radius_m, b.x_max_m - radius_m)
-            y = rng.uniform(b.y_min_m + radius_m, b.y_max_m - radius_m)
+            x, y = rng.uniform(*xs), rng.uniform(*ys)
             if any(math.hypot(x - ex, y - ey) < away for ex, ey in self.ends):
                 continue
             if ends_only or distance_to_nearest(x, y, self.boxes, self.discs, self.polygons) >= away:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 from pydantic.dataclasses import dataclass
 
 from navbench.descriptions.description import STRICT, DescriptionError, Number, Positive
@@ -195,7 +196,7 @@ class World:
         """Return the world with what its layout leaves to chance drawn for an episode; itself where nothing is.
 
         Raises:
-            DescriptionError: the layout finds no room.
+            DescriptionError: the layout finds no room, or draws what the world does not allow.
         """
         layout = self.layout
         if layout is None:
@@ -204,7 +205,11 @@ class World:
         if layout.swap is not None:
             bounds, places, goals = layout.swap.draw(rng, self.bounds)
             starts = tuple(Start(x_m=place.x_m, y_m=place.y_m) for place in places)
-            world = replace(world, bounds=bounds, starts=starts, goals=goals, layout=None)
+            try:
+                world = replace(world, bounds=bounds, starts=starts, goals=goals, layout=None)
+            except ValidationError as error:  # such as a goal inside a standing obstacle
+                said = error.errors(include_url=False)[0]["ctx"]["error"]
+                raise DescriptionError(f"world.layout.swap: drew {said}") from None
         ends = [(start.x_m, start.y_m) for start in world.starts] + [(goal.x_m, goal.y_m) for goal in world.goals]
         room = Room(world.bounds, world.box_rows(), world.disc_rows(), world.polygon_rows(), ends, layout.gap_m)
         discs, polygons = layout.draw_obstacles(rng, room)

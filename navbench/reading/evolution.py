@@ -90,7 +90,8 @@ def gains(
         pairs = reading.pairs(sides["select"], sides["than"], each=True)
         mine, other = outcomes(pairs).values()
         both = pairs[mine & other]
-        row: list[Any] = [title, len(pairs), *share(mine)[:3], *share(other)[:3]]
+        shares = [tuple(share(side)[:3]) if len(pairs) else (float("nan"),) * 3 for side in (mine, other)]
+        row: list[Any] = [title, len(pairs), *shares[0], *shares[1]]
         words = [title, f"{int(mine.sum())} of {len(pairs)}", f"{int(other.sum())} of {len(pairs)}"]
         if len(pairs) >= 10:
             difference = newcombe_paired(mine, other)

@@ -32,6 +32,8 @@ def difference_in_fleets(reading: Reading, select: Select, than: Select) -> Meas
         names = rows[["run_id", "world", "seed"]].drop_duplicates()
         sides.append(fleets(rows).merge(names, on="run_id"))
     pairs = sides[0].merge(sides[1], on=["world", "seed", "episode"], suffixes=("", "_other"))
+    if pairs.empty:
+        return None
     return Measured.of(newcombe_paired(*(pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))))
 
 

@@ -142,6 +142,8 @@ def share_in_phases(reading: Reading, phases: Sequence[str], select: Select) -> 
 def difference_in_reached(reading: Reading, select: Select, than: Select) -> Measured | None:
     """Return the paired difference of two shares that reached, with Newcombe's interval."""
     rows = reading.pairs(select, than)
+    if rows.empty:
+        return None
     return Measured.of(newcombe_paired(*(outcomes(rows)[side] for side in ("", "_other"))))
 
 
@@ -151,6 +153,8 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
     Its interval is the bootstrap's, see ``statistics.restricted_mean_difference``.
     """
     rows = reading.pairs(select, than)
+    if rows.empty:
+        return None
     here, there = outcomes(rows).values()
     limits_s = {reading.world(run_id).time_limit_s for run_id in (*rows["run_id"], *rows["run_id_other"])}
     if len(limits_s) != 1:
