@@ -22,13 +22,13 @@ from pydantic.dataclasses import dataclass
 from navbench.descriptions.description import STRICT, Count, DescriptionError, Flag, describe
 from navbench.door import schema
 from navbench.door.configuration import cell_of, check_words
+from navbench.door.tunable import dimensions_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.studies import Planned, Study
 from navbench.experiments.tunings import Objective, Tuning
 from navbench.reading.claims import Claim
 from navbench.reading.measures import check_measure
 from navbench.reading.sections import check_section
-from navbench.tuners.search import Dimension
 
 Compose = Callable[[str, Sequence[str]], tuple[DictConfig, dict[str, Any]]]
 Seed = Annotated[int, Field(ge=0, strict=True)]
@@ -213,32 +213,36 @@ def tuning_of(config: DictConfig, choices: Mapping[str, Any], composed: Compose)
             f"controller.tunable: missing; {cell.names.controller} names no parameters to tune, "
             "as `kp: {low: 0.0, high: 10.0, scale: linear}`"
         )
-    for name, bounds in tunable.items():
-        if not isinstance(bounds, dict) or set(bounds) != {"low", "high", "scale"}:
-            raise DescriptionError(f"controller.tunable.{name}: must hold low, high and scale, got {bounds!r}")
-    try:
-        dimensions = tuple(Dimension(name, **bounds) for name, bounds in tunable.items())
-    except ValueError as error:
-        raise DescriptionError(f"controller.tunable.{error}") from None
+    repair = values["controller"].get("repair")
     sources = {part: values[part].pop("sources", {}) for part in ("tuner", "objective")}
     build = values["tuner"]
-    try:
-        tuner = instantiate(build.get("build"), _convert_="all")
-    except Exception as error:  # whatever a tuner says of its parameters
-        raise DescriptionError(f"tuner.build: {error.__cause__ or error}") from None
+    configuration = {"tuner": build, "objective": values["objective"], "tunable": tunable}
     return Tuning(
         name=values["name"] or f"{choices['tuner']}_{cell.names.controller}",
         tuner_name=str(choices["tuner"]),
         objective_name=str(choices["objective"]),
         cells=(cell, *_further_cells(values["worlds"], config, choices, composed)),
-        tuner=tuner,
-        dimensions=dimensions,
+        tuner=_made("tuner.build", build.get("build")),
+        dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
         objective=describe(Objective, values["objective"], "objective"),
         budget=values["budget"],
         seed=values["seed"],
-        configuration={"tuner": build, "objective": values["objective"], "tunable": tunable},
+        configuration=configuration if repair is None else {**configuration, "repair": repair},
         sources=sources,
+        repair=None if repair is None else _made("controller.repair", repair),
     )
+
+
+def _made(key: str, build: Any) -> Any:
+    """Return what a ``_target_`` and its parameters make."""
+    try:
+        made = instantiate(build, _convert_="all")
+    except Exception as error:  # whatever it says of its parameters
+        text = " ".join(str(error.__cause__ or error).split())
+        raise DescriptionError(f"{key}: {text}") from None
+    if made is None or isinstance(made, dict | list | str | int | float):
+        raise DescriptionError(f"{key}={build!r}: must name a class, as `_target_: module.Class`, and its parameters")
+    return made
 
 
 def _further_cells(

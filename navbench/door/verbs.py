@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from navbench.experiments.tunings import Tuning, TuningRecord
 
 STUDY_KEYS = ("engine", "workers")
+SHOWN_MAX = 20  # parameters; of more, a screen shows no better than the file
 
 
 class Words(NamedTuple):
@@ -146,9 +147,9 @@ def tune(arguments: Sequence[str]) -> int:
 
     check_words(words.overrides)
     tuning, path, workers = compose_tuning(words.overrides, words.config_dir)
+    from navbench.door.tuned import write_controller
     from navbench.experiments.running import run_batches
     from navbench.experiments.store import Results, batch_name, tuning_name
-    from navbench.experiments.studies import columns_of
     from navbench.experiments.tunings import run_tuning
     from navbench.reading.figures import save_convergence
     from navbench.reading.tables import summarize, to_text
@@ -167,7 +168,7 @@ def tune(arguments: Sequence[str]) -> int:
         record = run_tuning(
             tuning, workers, lambda done, best: progress(f"best cost {best:.6g}, evaluations", done, tuning.budget)
         )
-    results.write_evaluations(tuning.key(), columns_of(record))
+    results.write_evaluations(tuning.key(), record.columns())
     placed += [_place(cell.with_parameters(record.best()), tuning.name) for cell in tuning.cells]
     results.begin([place for place, _ in placed], [tuning.key()], content)
     batches = [batch_name(place.key, batch.episodes) for place, cell in placed for batch in cell.batches()]
@@ -176,7 +177,7 @@ def tune(arguments: Sequence[str]) -> int:
     run_batches([cell for _, cell in placed], results, workers, resume=False)
     results.end()
     save_convergence(results, path / "convergence.png")
-    file = _write_controller(tuning, record, path)
+    file = write_controller(tuning, record, path)
     labels = {place.key.run_id: place.label for place, _ in placed}
     summary = summarize(results.episodes())
     summary["controller"] = [labels[run_id] for run_id in summary["run_id"]]
@@ -184,8 +185,7 @@ def tune(arguments: Sequence[str]) -> int:
     print(
         f"cost {record.evaluations[record.best_index].cost:.6g} at evaluation {record.best_index} of {tuning.budget}:"
     )
-    for name, value in record.best().items():
-        print(f"  {name}: {value:.6g}")
+    print(_changes(tuning, record))
     print(f"controller: {file}; use it with --config-dir {file.parents[1]} controller={tuning.name}")
     print(f"results: {path}")
     return 0
@@ -197,32 +197,14 @@ def _place(cell: "Cell", label: str) -> Any:
     return StudyCell(cell.key(), "tune", label), cell
 
 
-def _write_controller(tuning: "Tuning", record: "TuningRecord", path: Path) -> Path:
-    """Write the tuned controller's YAML, which inherits all else from the controller that was tuned."""
-    import yaml
-
-    from navbench.experiments.store import write_table
-
-    controller = tuning.cells[0].names.controller
-    worlds = ", ".join(cell.names.world for cell in tuning.cells)
-    build: dict[str, Any] = {}
-    for name, value in record.best().items():
-        *words, last = name.split(".")
-        place = build
-        for word in words:
-            place = place.setdefault(word, {})
-        place[last] = value
-    how = f"navbench tune controller={controller} tuner={tuning.tuner_name} objective={tuning.objective_name}"
-    study = f"{how}, in {worlds}, budget={tuning.budget}"
-    content = {
-        "defaults": [controller, "_self_"],
-        "build": build,
-        "sources": {f"build.{name}": {"tuned": study, "seed": tuning.seed} for name in record.names},
-    }
-    title = f"# {controller}, its parameters tuned by {tuning.tuner_name} for {tuning.objective_name} in {worlds}\n"
-    file = path / "conf" / "controller" / f"{tuning.name}.yaml"
-    write_table(file, title + yaml.safe_dump(content, sort_keys=False, width=120))
-    return file
+def _changes(tuning: "Tuning", record: "TuningRecord") -> str:
+    """Return the best parameters, a line each, or where they are many, how many of them the search changed."""
+    best = record.best()
+    if len(best) <= SHOWN_MAX:
+        return "\n".join(f"  {name}: {v:.6g}" if isinstance(v, float) else f"  {name}: {v}" for name, v in best.items())
+    values = record.values[record.best_index].tolist()
+    changed = sum(value != side.start for side, value in zip(tuning.dimensions, values, strict=True))
+    return f"  {changed} of {len(best)} parameters changed"
 
 
 @contextmanager

@@ -128,6 +128,15 @@ def place_of(name: str, build: dict[str, Any]) -> tuple[dict[str, Any], str]:
     return place, last
 
 
+def leaves_below(name: str, build: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters at and below a place, by their own dotted places, and their values; arguments as above."""
+    place, last = place_of(name, build)
+    if not isinstance(place[last], dict):
+        return {name: place[last]}
+    words = [word for word in place[last] if word != "_target_"]
+    return {leaf: value for word in words for leaf, value in leaves_below(f"{name}.{word}", build).items()}
+
+
 def _names(place: Mapping[str, Any]) -> str:
     return ", ".join(name for name in place if name != "_target_")
 

@@ -92,21 +92,9 @@ def _run_tunings(
 ) -> None:
     todo = [tuning for tuning in tunings if not results.has("evaluations", tuning_name(tuning.key()))]
     for done, (index, record) in enumerate(run(TUNINGS, todo, engine, workers), 1):
-        results.write_evaluations(todo[index].key(), columns_of(record))
+        results.write_evaluations(todo[index].key(), record.columns())
         if report is not None:
             report("tunings", done, len(todo))
-
-
-def columns_of(record: TuningRecord) -> dict[str, Any]:
-    """Return what a tuning evaluated as the columns of a table."""
-    evaluations = record.evaluations
-    columns: dict[str, Any] = {
-        "evaluation": list(range(len(evaluations))),
-        "cost": [evaluation.cost for evaluation in evaluations],
-        "reached": [evaluation.reached for evaluation in evaluations],
-        "robots": [evaluation.robots for evaluation in evaluations],
-    }
-    return columns | {name: record.values[:, i] for i, name in enumerate(record.names)}
 
 
 def _places(planned: Planned, tunings: Sequence[Tuning], results: Results) -> list[tuple[StudyCell, Cell]]:
@@ -121,7 +109,7 @@ def _places(planned: Planned, tunings: Sequence[Tuning], results: Results) -> li
             continue
         table = results.evaluations_of(tuning.key())
         best = int(table["cost"].to_numpy().argmin())
-        values = {side.name: float(table[side.name].to_numpy()[best]) for side in tuning.dimensions}
+        values = {side.name: table[side.name].tolist()[best] for side in tuning.dimensions}
         cell = planned.cell.with_parameters(values)
         placed.append((StudyCell(cell.key(), planned.name, planned.label, tuning.name, tuning.seed), cell))
     return placed

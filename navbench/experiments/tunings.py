@@ -10,46 +10,75 @@ import numpy as np
 from pydantic.dataclasses import dataclass as described
 
 from navbench.contract import FloatArray
-from navbench.descriptions.description import STRICT, DescriptionError, NonNegative
+from navbench.descriptions.description import STRICT, DescriptionError, NonNegative, Number
 from navbench.descriptions.record import RobotRecord, TuningKey
-from navbench.descriptions.world import World
-from navbench.experiments.cells import Cell, digest, place_of
+from navbench.experiments.cells import Cell, digest
 from navbench.experiments.engines import Work, run
 from navbench.loop.episode import EpisodeRunner
 from navbench.mathematics.metrics import Metrics
-from navbench.tuners.search import Dimension, Tuner, batches
+from navbench.tuners.search import Tuner, batches
+from navbench.tuners.space import Repair, Side, space_of
 
 SEEDS_MAX = 2**63  # of an evaluation
 
 
 @described(frozen=True, slots=True, kw_only=True, config=STRICT)
+class Danger:
+    """What it costs to come near to something, once, however often and however long.
+
+    Attributes:
+        clearance_m: the hull's least distance from anything at and below which it was dangerous [m].
+        cost: what that costs.
+    """
+
+    clearance_m: NonNegative
+    cost: NonNegative
+
+    def cost_of(self, min_clearance_m: float) -> float:
+        """Return the cost of an episode with this least clearance [m]."""
+        return self.cost if min_clearance_m <= self.clearance_m else 0.0  # zhao2018, eq. (3)
+
+
+@described(frozen=True, slots=True, kw_only=True, config=STRICT)
 class Objective:
-    """What an episode costs: a weighted sum of metrics, and more where a robot fails.
+    """What an episode costs: a weighted sum of metrics, more where it was dangerous, and more where a robot fails.
 
     Attributes:
         weights: weight of each metric in the sum.
         failure_cost: added for a robot that does not reach its goal.
         failure_cost_per_m: added to that, times the distance from the goal at which it ended [1/m].
+        danger: what it costs to come near to something; None for nothing.
+        failed: the metrics that a robot that does not reach its goal is charged in place of its own, each that counts
+            and no other; None for its own.
     """
 
     weights: Mapping[str, NonNegative]
     failure_cost: NonNegative
     failure_cost_per_m: NonNegative
+    danger: Danger | None = None
+    failed: Mapping[str, Number] | None = None
 
     def __post_init__(self) -> None:
         """Check the metrics' names."""
         if not self.weights or not set(self.weights) <= set(Metrics._fields):
             raise DescriptionError(f"weights: must name at least one of {', '.join(Metrics._fields)}, and no other")
+        counting = {*self.weights, *(() if self.danger is None else ("min_clearance_m",))}
+        if self.failed is not None and set(self.failed) != counting:
+            names = ", ".join(name for name in Metrics._fields if name in counting)
+            raise DescriptionError(f"failed: must name {names}, of which the cost is made, and no other")
 
-    def cost(self, record: RobotRecord, world: World) -> float:
+    def cost(self, record: RobotRecord) -> float:
         """Return what one robot's episode costs."""
-        metrics = record.metrics._asdict()
+        reached = record.outcome == "reached"
+        metrics: Mapping[str, float] = record.metrics._asdict()
+        if self.failed is not None and not reached:
+            metrics = self.failed
         cost = math.fsum(weight * metrics[name] for name, weight in self.weights.items() if weight > 0.0)
-        if record.outcome == "reached":
+        if self.danger is not None:
+            cost += self.danger.cost_of(metrics["min_clearance_m"])
+        if reached:
             return cost
-        goal = world.goals[record.robot_index]
-        away = math.hypot(goal.x_m - record.states[-1, 1], goal.y_m - record.states[-1, 2])
-        return cost + self.failure_cost + self.failure_cost_per_m * away
+        return cost + self.failure_cost + self.failure_cost_per_m * record.metrics.goal_distance_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +91,14 @@ class Tuning:
         objective_name: the objective's configuration name.
         cells: the same controller in one world or more; the cost is the mean over all their robots and episodes.
         tuner: the update rule.
-        dimensions: the parameters, named by their dotted place below ``controller.build``, with their bounds.
+        dimensions: the parameters, named by their dotted place below ``controller.build``, with their bounds or
+            choices, and where they start.
         objective: what an episode costs.
         budget: how many evaluations.
         seed: of the tuner, and with an evaluation's index, of that evaluation's episodes.
-        configuration: tuner, objective and bounds as plain values, for the manifest.
+        configuration: tuner, objective, bounds and repair as plain values, for the manifest.
         sources: where the tuner's and the objective's parameters come from.
+        repair: makes hold what must hold between the parameters, see ``space_of``; None where the bounds are all.
     """
 
     name: str
@@ -75,15 +106,16 @@ class Tuning:
     objective_name: str
     cells: tuple[Cell, ...]
     tuner: Tuner
-    dimensions: tuple[Dimension, ...]
+    dimensions: tuple[Side, ...]
     objective: Objective
     budget: int
     seed: int
     configuration: Mapping[str, Any]
     sources: Mapping[str, Any]
+    repair: Repair | None = None
 
     def __post_init__(self) -> None:
-        """Check that the parameters exist and are numbers, and that the budget suffices.
+        """Check that the budget suffices, and that the repair can mend the parameters from which the search starts.
 
         Raises:
             DescriptionError: one line that names the key, its value and what is allowed.
@@ -93,10 +125,12 @@ class Tuning:
                 f"budget={self.budget}: must be at least {self.tuner.population}, the first population of "
                 f"tuner={self.tuner_name}"
             )
-        for dimension in self.dimensions:
-            place, last = place_of(dimension.name, self.cells[0].configuration["controller"]["build"])
-            if isinstance(place[last], bool) or not isinstance(place[last], int | float):
-                raise DescriptionError(f"controller.tunable.{dimension.name}: must name a number, not {place[last]!r}")
+        space = space_of(self.dimensions, self.repair)
+        if space.start is not None:
+            try:
+                space.repair(space.start[None, :])
+            except ValueError as error:
+                raise DescriptionError(f"controller.{error}") from None
 
     def key(self) -> TuningKey:
         """Return what results know of this tuning."""
@@ -115,6 +149,10 @@ class Tuning:
             {**self.configuration, "cells": [dict(cell.configuration) for cell in cells]},
             self.sources,
         )
+
+    def parameters(self, values: Sequence[float]) -> dict[str, Any]:
+        """Return the controller's parameters by name that values of the search stand for."""
+        return {side.name: side.parameter(value) for side, value in zip(self.dimensions, values, strict=True)}
 
 
 class Evaluation(NamedTuple):
@@ -135,20 +173,33 @@ class TuningRecord(NamedTuple):
     """What a tuning evaluated, in order.
 
     Attributes:
-        names: the parameters' names.
-        values: (budget, n_names) their values.
+        dimensions: the parameters.
+        values: (budget, D) their values, a choice by its index.
         evaluations: what each cost.
         best_index: the first evaluation with the least cost.
     """
 
-    names: tuple[str, ...]
+    dimensions: tuple[Side, ...]
     values: FloatArray
     evaluations: tuple[Evaluation, ...]
     best_index: int
 
-    def best(self) -> dict[str, float]:
+    def best(self) -> dict[str, Any]:
         """Return the best parameters by name."""
-        return dict(zip(self.names, self.values[self.best_index].tolist(), strict=True))
+        best = self.values[self.best_index].tolist()
+        return {side.name: side.parameter(value) for side, value in zip(self.dimensions, best, strict=True)}
+
+    def columns(self) -> dict[str, Any]:
+        """Return all of it as the columns of a table: evaluation, cost, reached, robots and each parameter."""
+        columns: dict[str, Any] = {
+            "evaluation": list(range(len(self.evaluations))),
+            "cost": [evaluation.cost for evaluation in self.evaluations],
+            "reached": [evaluation.reached for evaluation in self.evaluations],
+            "robots": [evaluation.robots for evaluation in self.evaluations],
+        }
+        for side, values in zip(self.dimensions, self.values.T.tolist(), strict=True):
+            columns[side.name] = [side.parameter(value) for value in values]
+        return columns
 
 
 def run_tuning(
@@ -167,7 +218,7 @@ def run_tuning(
     rng = np.random.default_rng(np.random.SeedSequence([tuning.seed]))
     evaluations: list[Evaluation] = []
     with _evaluator(tuning, workers) as evaluate:
-        search = batches(tuning.tuner, tuning.dimensions, tuning.budget, rng)
+        search = batches(tuning.tuner, tuning.dimensions, tuning.budget, rng, tuning.repair)
         batch = next(search)
         while True:
             evaluations += evaluate(batch.first_index, batch.values)
@@ -176,8 +227,7 @@ def run_tuning(
             try:
                 batch = search.send(np.array([e.cost for e in evaluations[batch.first_index :]]))
             except StopIteration as end:
-                names = tuple(dimension.name for dimension in tuning.dimensions)
-                return TuningRecord(names, end.value.values, tuple(evaluations), end.value.best_index)
+                return TuningRecord(tuning.dimensions, end.value.values, tuple(evaluations), end.value.best_index)
 
 
 class _Part(NamedTuple):
@@ -222,7 +272,7 @@ def _pieces(part: _Part) -> list[_Part]:
 
 def _lost(part: _Part) -> list[Evaluation]:
     """Refuse an evaluation whose process died: there is nothing to compare it by."""
-    values = dict(zip((d.name for d in part.tuning.dimensions), part.values[0].tolist(), strict=True))
+    values = part.tuning.parameters(part.values[0].tolist())
     raise DescriptionError(
         f"tuner={part.tuning.tuner_name}: the process of evaluation {part.first_index} died: {values}"
     )
@@ -239,18 +289,18 @@ def _evaluate(
     tuning: Tuning, runners: Sequence[EpisodeRunner], first_index: int, values: FloatArray
 ) -> list[Evaluation]:
     """Evaluate some points; each one's chance hangs on its own index alone."""
-    names = [dimension.name for dimension in tuning.dimensions]
     evaluations = []
     for index, point in enumerate(values.tolist(), first_index):
         seed = int(np.random.SeedSequence([tuning.seed, index]).generate_state(1, np.uint64)[0] % SEEDS_MAX)
+        parameters = tuning.parameters(point)
         costs: list[float] = []
         reached = 0
         for cell, runner in zip(tuning.cells, runners, strict=True):
-            runner.make_controller = cell.with_parameters(dict(zip(names, point, strict=True))).make_controller
+            runner.make_controller = cell.with_parameters(parameters).make_controller
             runner.seed = seed
             for episode in range(cell.episodes):
                 for record in runner.run(episode):
-                    costs.append(tuning.objective.cost(record, cell.world))
+                    costs.append(tuning.objective.cost(record))
                     reached += record.outcome == "reached"
         evaluations.append(Evaluation(math.fsum(costs) / len(costs), reached, len(costs)))
     return evaluations

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 NO_PARAMETERS = ("tuning_id", "name", "tuner", "seed", "evaluation", "cost", "reached", "robots")
+PARAMETERS_SHOWN_MAX = 8  # of more, as of a whole rule table, a table shows nothing; the evaluations hold them all
 
 
 def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str]) -> str:
@@ -29,8 +30,11 @@ def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tun
     import pandas as pd
 
     rows = reading.evaluations
-    parameters = [name for name in rows.columns if name not in NO_PARAMETERS]
     best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
+    parameters = [name for name in rows.columns if name not in NO_PARAMETERS and best[name].dtype.kind in "fi"]
+    parameters = [name for name in parameters if best[name].notna().all()]
+    if len(parameters) > PARAMETERS_SHOWN_MAX:
+        parameters = []
     least = best.pivot(index="seed", columns="name", values="cost")[list(tunings)]
     ranking = friedman(least.to_numpy())
     raw, printed = [], []

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from navbench.contract import FloatArray
+from navbench.tuners.space import Space
 from navbench.tuners.swarms import Generations, is_number, random_points, require_number, require_whole
 
 Objective = Callable[[FloatArray], FloatArray]
@@ -58,17 +59,17 @@ class De:
         """The size of the first generation."""
         return self.n
 
-    def generations(self, dimensions: int, rng: np.random.Generator) -> Generations:
+    def generations(self, space: Space, rng: np.random.Generator) -> Generations:
         """Yield the population, then the trial points, generation by generation, and receive their costs."""
         from scipy.optimize import differential_evolution  # slow to import
 
-        first = random_points(self.n, dimensions, rng)
+        first = random_points(self.n, space.size, rng)
 
         def minimise(objective: Objective) -> None:
             with np.errstate(over="ignore", invalid="ignore"):  # in the spread of huge costs, which decides nothing
                 differential_evolution(
                     lambda points: objective(points.T.copy()),
-                    [(0.0, 1.0)] * dimensions,
+                    [(0.0, 1.0)] * space.size,
                     strategy=self.strategy,
                     mutation=self.mutation,
                     recombination=self.recombination,

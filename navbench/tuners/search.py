@@ -1,16 +1,14 @@
 """A search within bounds and a budget: it asks a tuner for points, has them evaluated, and keeps all of them."""
 
-import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol, get_args
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from navbench.contract import FloatArray
+from navbench.tuners.space import Repair, Side, Space, space_of, values_at
 
-Scale = Literal["linear", "log"]
 Evaluate = Callable[[FloatArray, int], FloatArray]
 
 
@@ -21,74 +19,11 @@ class Tuner(Protocol):
     def population(self) -> int:
         """The size of its first generation: the least budget."""
 
-    def generations(self, dimensions: int, rng: np.random.Generator) -> Generator[FloatArray, FloatArray, None]:
-        """Yield generations (n, dimensions) in the unit cube for ever, and receive n costs for each; less is better."""
+    def generations(self, space: Space, rng: np.random.Generator) -> Generator[FloatArray, FloatArray, None]:
+        """Yield generations (n, space.size) in the unit cube for ever, and receive n costs for each; less is better.
 
-
-@dataclass(frozen=True, slots=True)
-class Dimension:
-    """One parameter to tune: a side of the unit cube.
-
-    Attributes:
-        name: what the parameter is called.
-        low: its value at 0.
-        high: its value at 1, above ``low``.
-        scale: "linear", or "log": equal steps of the unit multiply the value by equal factors; ``low`` is above 0.
-    """
-
-    name: str
-    low: float
-    high: float
-    scale: Scale
-
-    def __post_init__(self) -> None:
-        """Check the bounds.
-
-        Raises:
-            ValueError: a value is wrong; the message names it and what is allowed.
+        What is evaluated is ``space.repair`` of each; a tuner that wants to go on from there applies it itself.
         """
-        if not isinstance(self.name, str) or not self.name:
-            raise ValueError(f"name={self.name!r}: must be a word that is not empty")
-        for key in ("low", "high"):
-            value = getattr(self, key)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ValueError(f"{self.name}.{key}={value!r}: must be a finite number")
-        if self.scale not in get_args(Scale):
-            raise ValueError(f"{self.name}.scale={self.scale!r}: must be one of {', '.join(get_args(Scale))}")
-        if self.high <= self.low:
-            raise ValueError(f"{self.name}.high={self.high!r}: must be greater than low={self.low!r}")
-        if self.scale == "log" and self.low <= 0.0:
-            raise ValueError(f"{self.name}.low={self.low!r}: must be greater than 0 on a log scale")
-        if not math.isfinite(self.high - self.low):
-            raise ValueError(f"{self.name}.high={self.high!r}: must be a finite distance above low={self.low!r}")
-
-    def value_at(self, unit: float) -> float:
-        """Return the value at a place in [0, 1]; exactly ``low`` at 0 and ``high`` at 1.
-
-        Raises:
-            ValueError: the place lies outside.
-        """
-        if not 0.0 <= unit <= 1.0:
-            raise ValueError(f"{self.name}: unit={unit!r}: must be between 0 and 1")
-        if unit in (0.0, 1.0):
-            return float(self.high if unit else self.low)
-        if self.scale == "log":
-            value = math.exp((1.0 - unit) * math.log(self.low) + unit * math.log(self.high))
-        else:
-            value = self.low + unit * (self.high - self.low)
-        return min(max(value, self.low), self.high)  # rounding may step over a bound
-
-    def unit_at(self, value: float) -> float:
-        """Return the place in [0, 1] of a value.
-
-        Raises:
-            ValueError: the value lies outside the bounds.
-        """
-        if not self.low <= value <= self.high:
-            raise ValueError(f"{self.name}={value!r}: must be between {self.low!r} and {self.high!r}")
-        if self.scale == "log":
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
 
 
 class Batch(NamedTuple):
@@ -97,7 +32,7 @@ class Batch(NamedTuple):
     Attributes:
         first_index: how many evaluations came before; point k is evaluation first_index + k, and whatever is left to
             chance in it is to be seeded from that number, so that it does not matter where and beside what it runs.
-        values: (k, D) the parameters' values, read-only.
+        values: (k, D) the parameters' values, a choice by its index, read-only.
     """
 
     first_index: int
@@ -108,7 +43,7 @@ class Tuned(NamedTuple):
     """What a search evaluated.
 
     Attributes:
-        values: (budget, D) the parameters' values, in the order of the evaluations.
+        values: (budget, D) the parameters' values, a choice by its index, in the order of the evaluations.
         costs: (budget,) their costs.
         best_index: the first evaluation with the least cost.
     """
@@ -119,22 +54,28 @@ class Tuned(NamedTuple):
 
 
 def tune(
-    tuner: Tuner, dimensions: Sequence[Dimension], budget: int, rng: np.random.Generator, evaluate: Evaluate
+    tuner: Tuner,
+    dimensions: Sequence[Side],
+    budget: int,
+    rng: np.random.Generator,
+    evaluate: Evaluate,
+    repair: Repair | None = None,
 ) -> Tuned:
     """Search with one function that evaluates.
 
     Args:
         tuner: the update rule.
-        dimensions: the parameters and their bounds.
+        dimensions: the parameters, with their bounds or choices.
         budget: how many evaluations, all of which are used; the last generation is cut to what is left.
         rng: the tuner's chance; evaluations draw nothing from it.
         evaluate: from values (k, D) and the first one's index to costs (k,), finite, less is better.
+        repair: makes hold what must hold between the parameters before they are evaluated, see ``space_of``.
 
     Raises:
-        ValueError: the budget is less than the tuner's population, the dimensions are none or share a name, or costs
-            are of the wrong number or not finite.
+        ValueError: the budget is less than the tuner's population, the parameters are none or share a name, a repair
+            leads out of their bounds, or costs are of the wrong number or not finite.
     """
-    search = batches(tuner, dimensions, budget, rng)
+    search = batches(tuner, dimensions, budget, rng, repair)
     with closing(search):
         batch = next(search)
         while True:
@@ -146,20 +87,20 @@ def tune(
 
 
 def batches(
-    tuner: Tuner, dimensions: Sequence[Dimension], budget: int, rng: np.random.Generator
+    tuner: Tuner, dimensions: Sequence[Side], budget: int, rng: np.random.Generator, repair: Repair | None = None
 ) -> Generator[Batch, FloatArray, Tuned]:
     """Do as ``tune``, for a caller that evaluates elsewhere: yield batches, receive their costs, return the result."""
     _check(tuner, dimensions, budget)
-    values = np.empty((budget, len(dimensions)))
+    space = space_of(dimensions, repair)
+    values = np.empty((budget, space.size))
     costs = np.empty(budget)
     done = 0
-    with closing(tuner.generations(len(dimensions), rng)) as generations:
+    with closing(tuner.generations(space, rng)) as generations:
         generation = next(generations)
         while True:
             size = min(len(generation), budget - done)
             end = done + size
-            for row, place in zip(values[done:end], generation, strict=False):
-                row[:] = [side.value_at(unit) for side, unit in zip(dimensions, place.tolist(), strict=True)]
+            values[done:end] = [values_at(dimensions, place) for place in space.repair(generation[:size]).tolist()]
             asked = values[done:end]
             asked.flags.writeable = False
             costs[done:end] = _finite((yield Batch(done, asked)), done, size)
@@ -169,7 +110,7 @@ def batches(
             done = end
 
 
-def _check(tuner: Tuner, dimensions: Sequence[Dimension], budget: int) -> None:
+def _check(tuner: Tuner, dimensions: Sequence[Side], budget: int) -> None:
     """Refuse a search that cannot be made."""
     names = [side.name for side in dimensions]
     if not names:

@@ -51,6 +51,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import FloatArray
+from navbench.tuners.space import Space
 
 Generations = Generator[FloatArray, FloatArray, None]
 IntArray = NDArray[np.int64]
@@ -134,13 +135,13 @@ class Pso:
         """The size of the first generation."""
         return self.n
 
-    def generations(self, dimensions: int, rng: np.random.Generator) -> Generations:
+    def generations(self, space: Space, rng: np.random.Generator) -> Generations:
         """Yield the particles' places, generation by generation, and receive their costs."""
-        x = random_points(self.n, dimensions, rng)
-        v = 0.5 * (random_points(self.n, dimensions, rng) - x)
+        x = random_points(self.n, space.size, rng)
+        v = 0.5 * (random_points(self.n, space.size, rng) - x)
         own_best, own_costs = x, (yield x)
         while True:
-            r1, r2 = rng.random((2, self.n, dimensions))
+            r1, r2 = rng.random((2, self.n, space.size))
             v = particle_velocity(v, x, own_best, own_best[own_costs.argmin()], self.w, self.c1 * r1, self.c2 * r2)
             free = x + v
             x = free.clip(0.0, 1.0)
@@ -173,9 +174,9 @@ class Abc:
         """The size of the first generation."""
         return self.sources
 
-    def generations(self, dimensions: int, rng: np.random.Generator) -> Generations:
+    def generations(self, space: Space, rng: np.random.Generator) -> Generations:
         """Yield what the employed bees try, then the onlookers, then scouts, if any, and receive the costs."""
-        x = random_points(self.sources, dimensions, rng)
+        x = random_points(self.sources, space.size, rng)
         costs = np.array((yield x.copy()))
         failures = np.zeros(self.sources, dtype=np.int64)
         while True:
@@ -188,7 +189,7 @@ class Abc:
             _select(x, costs, failures, onlookers, tried, (yield tried))
             scouts = np.flatnonzero(failures >= self.limit)
             if scouts.size:
-                x[scouts] = random_points(scouts.size, dimensions, rng)
+                x[scouts] = random_points(scouts.size, space.size, rng)
                 costs[scouts] = yield x[scouts]
                 failures[scouts] = 0
 
@@ -245,9 +246,9 @@ class Fa:
         """The size of the first generation."""
         return self.n
 
-    def generations(self, dimensions: int, rng: np.random.Generator) -> Generations:
+    def generations(self, space: Space, rng: np.random.Generator) -> Generations:
         """Yield the fireflies' places, generation by generation, and receive their costs."""
-        x, alpha = random_points(self.n, dimensions, rng), self.alpha
+        x, alpha = random_points(self.n, space.size, rng), self.alpha
         while True:
             x = self.flight(x, (yield x), alpha, rng).clip(0.0, 1.0)
             alpha *= self.damping
@@ -285,10 +286,10 @@ class Random:
         """The size of the first generation."""
         return self.n
 
-    def generations(self, dimensions: int, rng: np.random.Generator) -> Generations:
+    def generations(self, space: Space, rng: np.random.Generator) -> Generations:
         """Yield random points; the costs are of no consequence."""
         while True:
-            yield random_points(self.n, dimensions, rng)
+            yield random_points(self.n, space.size, rng)
 
 
 def is_number(value: Any) -> bool:

@@ -1,0 +1,365 @@
+"""Tunings of nested parameters and of choices, with a repair: from the configuration to the tuned controller's file."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from navbench.descriptions.description import DescriptionError, describe
+from navbench.descriptions.record import Outcome, RobotRecord
+from navbench.door.study_configuration import compose_tuning
+from navbench.door.tuned import source_keys
+from navbench.experiments.store import Results
+from navbench.experiments.tunings import Objective, run_tuning
+from navbench.mathematics.metrics import Metrics
+from navbench.tuners.space import Choice, Dimension
+
+CONF = Path(__file__).parents[1] / "conf"
+NAVBENCH = str(Path(sys.executable).with_name("navbench"))
+
+MODULE = '''
+"""A controller that turns towards its goal by a gain and by a rule, and what mends its parameters."""
+
+import math
+
+
+class Steer:
+    def __init__(self, gains: dict, rules: dict):
+        if not gains["far"]["least"] <= gains["far"]["most"]:
+            raise ValueError("gains: least must be at most most")
+        self.gains, self.rules = gains, rules
+
+    def reset(self, setup, rng):
+        pass
+
+    def act(self, observation):
+        x, y, heading = observation.pose
+        error = math.remainder(math.atan2(observation.goal[1] - y, observation.goal[0] - x) - heading, 2.0 * math.pi)
+        turn = {"hard_right": -1.0, "right": -0.3, "none": 0.0, "left": 0.3, "hard_left": 1.0}
+        side = "left" if error > 0.05 else "right" if error < -0.05 else "ahead"
+        far = self.gains["far"]
+        return (min(max(self.gains["speed_mps"], far["least"]), far["most"]), turn[self.rules["turn"][side]])
+
+
+class Ordered:
+    def __init__(self, least: str, most: str):
+        self.least, self.most = least, most
+
+    def __call__(self, values):
+        low, high = sorted((values[self.least], values[self.most]))
+        return {**values, self.least: low, self.most: high}
+
+
+class Shifted:
+    def __call__(self, values):
+        return {name: value + 100.0 for name, value in values.items()}
+'''
+CONTROLLER = """# Steers by rules, for the tests of tunings
+defaults:
+  - _self_
+  - override /sensors@_global_.sensors: khepera3_ir
+build:
+  _target_: toy_steering.Steer
+  gains: {far: {least: 0.05, most: 0.3}, speed_mps: 0.1}
+  rules: {turn: {left: none, ahead: none, right: none}}
+tunable:
+  gains.far: {low: 0.0, high: 0.33, scale: linear}
+  gains.speed_mps: {low: 0.01, high: 0.33, scale: log}
+  rules: {choices: [hard_right, right, none, left, hard_left]}
+repair: {_target_: toy_steering.Ordered, least: gains.far.least, most: gains.far.most}
+sources:
+  build.gains: {assumed: for a test}
+  build.rules.turn: {assumed: for a test}
+"""
+WORLD = """# A goal to the left, for the tests of tunings
+defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
+bounds: {x_min_m: -2.0, x_max_m: 2.0, y_min_m: -2.0, y_max_m: 2.0}
+starts: [{x_m: 0.0, y_m: 0.0, heading_rad: 0.0}]
+goals: [{x_m: 0.8, y_m: 0.5}]
+goal_tolerance_m: 0.1
+time_limit_s: 20.0
+"""
+WORDS = ["controller=steer", "tuner=ga", "objective=time", "world=aside", "budget=88"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder with a controller of his own."""
+    (tmp_path / "toy_steering.py").write_text(MODULE)
+    for group, name, text in (("controller", "steer", CONTROLLER), ("world", "aside", WORLD)):
+        (tmp_path / "conf" / group).mkdir(parents=True)
+        (tmp_path / "conf" / group / f"{name}.yaml").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "toy_steering", raising=False)
+    return tmp_path
+
+
+def navbench(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [NAVBENCH, *words, "--config-dir", "conf"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+# ---- what there is to tune
+
+
+def test_a_subtree_stands_for_every_parameter_below_it_and_starts_where_the_controller_is(folder: Path) -> None:
+    tuning, _, _ = compose_tuning(WORDS, str(folder / "conf"))
+    terms = ("hard_right", "right", "none", "left", "hard_left")
+    assert tuning.dimensions == (
+        Dimension("gains.far.least", 0.0, 0.33, "linear", 0.05),
+        Dimension("gains.far.most", 0.0, 0.33, "linear", 0.3),
+        Dimension("gains.speed_mps", 0.01, 0.33, "log", 0.1),
+        *(Choice(f"rules.turn.{side}", terms, 2) for side in ("left", "ahead", "right")),
+    )
+    assert tuning.parameters([0.0, 0.1, 0.2, 0.0, 2.0, 4.0]) == {
+        "gains.far.least": 0.0,
+        "gains.far.most": 0.1,
+        "gains.speed_mps": 0.2,
+        "rules.turn.left": "hard_right",
+        "rules.turn.ahead": "none",
+        "rules.turn.right": "hard_left",
+    }
+
+
+def test_only_a_tuning_with_a_repair_says_so_in_its_configuration(folder: Path) -> None:
+    own, _, _ = compose_tuning(WORDS, str(folder / "conf"))
+    assert own.configuration["repair"]["_target_"] == "toy_steering.Ordered"
+    without, _, _ = compose_tuning([*WORDS, "~controller.repair"], str(folder / "conf"))
+    assert "repair" not in without.configuration
+    assert own.key().tuning_id != without.key().tuning_id
+    assert own.cells[0].key() == without.cells[0].key()
+
+
+CHOICES = "{choices: [hard_right, right, none, left, hard_left]}"
+WRONG = [
+    (
+        "gains.far: {low",
+        "gains.near: {low",
+        "controller.build.gains.near: there is no such parameter; allowed here: far,",
+    ),
+    (CHOICES, "{choices: [none]}", "controller.tunable.rules.choices=['none']: must be two or more different names"),
+    (CHOICES, "{choices: [none, none]}", "controller.tunable.rules.choices=['none', 'none']: must be two or more"),
+    (
+        CHOICES,
+        "{low: 0, choices: [a, b]}",
+        "controller.tunable.rules: must hold low, high and scale, or choices, got {",
+    ),
+    (CHOICES, "5", "controller.tunable.rules: must hold low, high and scale, or choices, got 5"),
+    ("ahead: none", "ahead: up", "controller.build.rules.turn.ahead='up': must be one of hard_right, right, none, "),
+    (
+        CHOICES,
+        "{low: 0.0, high: 1.0, scale: linear}",
+        "controller.tunable.rules: must name a number, not rules.turn.left='none'",
+    ),
+    ("far: {low: 0.0", "far: {low: 0.5", "controller.tunable.gains.far.high=0.33: must be greater than low=0.5"),
+    (
+        "{low: 0.0, high: 0.33",
+        "{low: 0.0, high: 0.2",
+        "controller.build.gains.far.most=0.3: must be between 0.0 and 0.2, the bounds of controller.tunable.gains.far",
+    ),
+    ("gains.far: {low", "gains: {low", "controller.tunable.gains.speed_mps: gains.speed_mps is named there twice"),
+    ("steering.Ordered", "steering.Missing", "controller.repair: Error loading 'toy_steering.Missing'"),
+    ("toy_steering.Ordered", "nowhere.Ordered", "controller.repair: Error loading 'nowhere.Ordered'"),
+    (", most: gains.far.most", "", "controller.repair: Ordered.__init__() missing 1 required"),
+    ("_target_: toy_steering.Ordered, ", "", "controller.repair={'least'"),
+    ("most: gains.far.most", "most: gains.most", "controller.repair: KeyError: 'gains.most'"),
+    (
+        "Ordered, least: gains.far.least, most: gains.far.most",
+        "Shifted",
+        "controller.repair: gains.far.least=100.05: must be between 0.0 and 0.33",
+    ),
+]
+
+
+@pytest.mark.parametrize(("there", "wrong", "message"), WRONG)
+def test_a_wrong_tunable_is_refused_in_one_line(there: str, wrong: str, message: str, folder: Path) -> None:
+    assert there in CONTROLLER
+    (folder / "conf/controller/steer.yaml").write_text(CONTROLLER.replace(there, wrong))
+    with pytest.raises(DescriptionError) as refused:
+        compose_tuning(WORDS, str(folder / "conf"))
+    assert str(refused.value).startswith(message)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_command_line_refuses_a_wrong_tunable_with_exit_2(folder: Path) -> None:
+    done = navbench(folder, "tune", *WORDS, "controller.build.rules.turn.left=up")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("navbench: controller.build.rules.turn.left='up': must be one of hard_right, ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+# ---- what a tuning keeps and writes
+
+
+def parts_of(path: Path) -> dict[str, bytes]:
+    kinds = ("evaluations", "conf/controller", "episodes", "trajectories")
+    return {str(file.relative_to(path)): file.read_bytes() for kind in kinds for file in (path / kind).iterdir()}
+
+
+def test_a_tuning_of_choices_is_the_same_with_one_worker_and_with_two_and_writes_names(folder: Path) -> None:
+    for workers in ("1", "2"):
+        done = navbench(folder, "tune", *WORDS, f"workers={workers}", f"hydra.run.dir=with_{workers}")
+        assert done.returncode == 0, done.stderr
+        assert "best cost " in done.stderr
+        assert "  rules.turn.left: " in done.stdout
+    assert parts_of(folder / "with_1") == parts_of(folder / "with_2")
+    assert (folder / "with_1/convergence.png").stat().st_size > 1000
+
+    rows = Results(folder / "with_1").evaluations()
+    assert len(rows) == 88
+    assert (rows["gains.far.least"] <= rows["gains.far.most"]).all()
+    best = rows.iloc[int(rows["cost"].to_numpy().argmin())].to_dict()
+    assert best["cost"] < rows["cost"].iloc[0]
+    assert best["rules.turn.left"] in ("left", "hard_left")
+
+    content = yaml.safe_load((folder / "with_1/conf/controller/ga_steer.yaml").read_text())
+    assert content["defaults"] == ["steer", "_self_"]
+    assert content["build"] == {
+        "gains": {
+            "far": {"least": best["gains.far.least"], "most": best["gains.far.most"]},
+            "speed_mps": best["gains.speed_mps"],
+        },
+        "rules": {"turn": {side: best[f"rules.turn.{side}"] for side in ("left", "ahead", "right")}},
+    }
+    told = {"tuned": "navbench tune controller=steer tuner=ga objective=time, in aside, budget=88", "seed": 0}
+    assert content["sources"] == {"build.gains": told, "build.rules.turn": told}
+
+    (folder / "with_1/conf/controller/ga_steer.yaml").rename(folder / "conf/controller/ga_steer.yaml")
+    again = navbench(folder, "controller=ga_steer", "world=aside", "hydra.run.dir=again")
+    assert again.returncode == 0, again.stderr
+    assert Results(folder / "again").episodes()["time_s"].tolist() == [best["cost"]]
+
+
+def test_a_swarm_tunes_choices_too(folder: Path) -> None:
+    words = [word for word in WORDS if not word.startswith(("tuner", "budget"))]
+    tuning, _, _ = compose_tuning([*words, "tuner=pso", "budget=60"], str(folder / "conf"))
+    columns = run_tuning(tuning).columns()
+    assert set(columns["rules.turn.left"]) == {"hard_right", "right", "none", "left", "hard_left"}
+    assert all(low <= high for low, high in zip(columns["gains.far.least"], columns["gains.far.most"], strict=True))
+    assert min(columns["cost"]) < 20.0
+
+
+def test_the_first_evaluation_of_the_genetic_algorithm_is_the_controller_as_it_stands(folder: Path) -> None:
+    tuning, _, _ = compose_tuning([*WORDS[:-1], "budget=30"], str(folder / "conf"))
+    record = run_tuning(tuning)
+    build = tuning.cells[0].configuration["controller"]["build"]
+    assert (
+        tuning.cells[0]
+        .with_parameters(tuning.parameters(record.values[0].tolist()))
+        .configuration["controller"]["build"]
+        == build
+    )
+    with tuning.cells[0].runner() as runner:
+        (episode,) = runner.run(0)
+    assert record.evaluations[0].cost == tuning.objective.cost(episode)
+
+
+def test_the_cost_of_several_worlds_is_the_mean_over_all_their_robots(folder: Path) -> None:
+    far = WORLD.replace("y_m: 0.5}", "y_m: -1.5}").replace(
+        "starts: [", "starts: [{x_m: 1.0, y_m: 1.0, heading_rad: 0.0}, "
+    )
+    (folder / "conf/world/far.yaml").write_text(far.replace("goals: [", "goals: [{x_m: 1.9, y_m: 1.0}, "))
+    words = [*WORDS[:-1], "budget=30"]
+    both, aside, apart = (
+        [e.cost for e in run_tuning(compose_tuning([*words, *more], str(folder / "conf"))[0]).evaluations]
+        for more in (["worlds=[far]"], [], ["world=far"])
+    )
+    assert both == pytest.approx((np.array(aside) + 2.0 * np.array(apart)) / 3.0)
+
+
+STUDY = """# @package _global_
+# steering: a study of choices, for the tests of tunings
+title: "steering: a study of choices"
+tunings:
+  - {name: evolved, overrides: [controller=steer, tuner=ga, objective=time, world=aside, budget=59], seeds: 2}
+cells:
+  - {name: after, label: evolved, tuning: evolved, overrides: [controller=steer, world=aside]}
+"""
+
+
+def test_a_study_runs_the_choices_that_its_tunings_made(folder: Path) -> None:
+    (folder / "conf/study").mkdir()
+    (folder / "conf/study/steering.yaml").write_text(STUDY)
+    done = navbench(folder, "study", "steering", "workers=1")
+    assert done.returncode == 0, done.stderr
+    results = Results(folder / "outputs/study/steering")
+    rows, cells = results.evaluations(), results.manifest()["cells"]
+    assert len(cells) == 2
+    for cell in cells:
+        mine = rows[rows["seed"] == cell["tuning_seed"]]
+        best = mine.loc[mine["cost"].idxmin()]
+        build = cell["configuration"]["controller"]["build"]
+        assert build["rules"]["turn"] == {side: best[f"rules.turn.{side}"] for side in ("left", "ahead", "right")}
+        assert build["rules"]["turn"]["left"] in ("left", "hard_left")
+        assert build["gains"]["speed_mps"] == best["gains.speed_mps"]
+    assert set(results.episodes()["outcome"]) == {"reached"}
+
+
+def test_no_tuned_parameter_has_two_sources_and_what_was_not_tuned_keeps_its_own() -> None:
+    build: dict[str, Any] = {"_target_": "a.B", "sets": {"R": {"S": 1.0, "M": 2.0}, "Phi": {"F": 0.0}}, "gain": 1.0}
+    every = ["sets.R.S", "sets.R.M", "sets.Phi.F"]
+    whole = source_keys(every, ["sets"], ["build.sets", "build.gain"], build)
+    assert whole == ["build.sets"]
+    finer = source_keys(every, ["sets"], ["build.sets.R", "build.sets.Phi.F", "build.gain"], build)
+    assert finer == ["build.sets.R", "build.sets.Phi.F"]
+    assert source_keys(every[:2], ["sets.R"], ["build.sets", "build.gain"], build) == ["build.sets.R"]
+    assert source_keys(every, ["sets.R", "sets.Phi"], [], build) == ["build.sets.R", "build.sets.Phi"]
+
+
+# ---- the objective of zhao2018
+
+
+def file_of(name: str) -> Objective:
+    values = {
+        key: v for key, v in yaml.safe_load((CONF / f"objective/{name}.yaml").read_text()).items() if key != "sources"
+    }
+    return describe(Objective, values, "objective")
+
+
+def record(outcome: Outcome, length_m: float, time_s: float, clearance_m: float) -> RobotRecord:
+    metrics = Metrics(length_m, time_s, 0, clearance_m, 1.0, 0.0, 0.0, 0, 0, 0, 2.5)
+    return RobotRecord(0, outcome, "", metrics, np.zeros((1, 6)), np.empty((1, 0)), (), np.empty(0))
+
+
+@pytest.mark.parametrize(
+    ("outcome", "clearance_m", "cost"),
+    [
+        ("reached", 0.51, 165.07 + 64.28),
+        ("reached", 0.5, 165.07 + 64.28 + 1000.0),  # equation 3: at d_s, too
+        ("reached", 0.1, 165.07 + 64.28 + 1000.0),
+        ("reached", math.inf, 165.07 + 64.28),
+        ("collided", -0.01, 300.0 + 150.0 + 1000.0),
+        ("timed_out", 7.0, 300.0 + 150.0 + 1000.0),
+        ("controller_error", 7.0, 300.0 + 150.0 + 1000.0),
+    ],
+)
+def test_the_cost_is_the_denominator_of_equation_4(outcome: Outcome, clearance_m: float, cost: float) -> None:
+    assert file_of("zhao2018").cost(record(outcome, 165.07, 64.28, clearance_m)) == pytest.approx(cost, abs=1e-9)
+
+
+def test_without_danger_and_charge_a_failure_costs_what_it_did_and_more_the_further_from_the_goal() -> None:
+    assert file_of("time").cost(record("timed_out", 3.0, 60.0, 0.0)) == 60.0 + 1000.0 + 10.0 * 2.5
+    assert file_of("time").cost(record("reached", 3.0, 60.0, 0.0)) == 60.0
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"failed": {"time_s": 1.0}}, "objective.failed: must name path_length_m, time_s, min_clearance_m"),
+        ({"danger": {"clearance_m": -1.0, "cost": 1.0}}, "objective.danger.clearance_m=-1.0"),
+        ({"danger": {"clearance_m": 1.0}}, "objective.danger.cost: missing"),
+        ({"danger": {"clearance_m": 1.0, "cost": 1.0, "weight": 1.0}}, "objective.danger.weight: unknown key"),
+        ({"peril": 1.0}, "objective.peril: unknown key"),
+    ],
+)
+def test_a_wrong_objective_is_refused_in_one_line(more: dict[str, Any], message: str) -> None:
+    values = yaml.safe_load((CONF / "objective/zhao2018.yaml").read_text())
+    values.pop("sources")
+    with pytest.raises(DescriptionError) as refused:
+        describe(Objective, {**values, **more}, "objective")
+    assert message in str(refused.value)
