@@ -4,13 +4,12 @@
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from navbench.descriptions.description import DescriptionError
-from navbench.mathematics.statistics import wilson
 from navbench.reading.claims import Measured
 from navbench.reading.stored import PAIR, Reading
 
@@ -50,7 +49,7 @@ def described_ratio(reading: Reading, table: str, column: str, where: Select, ov
 
 def described_is_less(reading: Reading, table: str, column: str, where: Select, than: Select) -> Measured | None:
     """Return 1 where a value of a described table is less than another one; arguments as ``described_value``."""
-    return _share(np.array([_one(reading, table, column, where) < _one(reading, table, column, than)]))
+    return Measured.share(np.array([_one(reading, table, column, where) < _one(reading, table, column, than)]))
 
 
 def share_falling(reading: Reading, table: str, column: str, along: Sequence[str], within: float) -> Measured | None:
@@ -69,7 +68,7 @@ def share_falling(reading: Reading, table: str, column: str, along: Sequence[str
         others = [name for name in along if name != axis]
         for _, line in rows.groupby(others) if others else [((), rows)]:
             held.append(np.diff(line.sort_values(axis)[column].to_numpy()) <= within)
-    return _share(np.concatenate(held))
+    return Measured.share(np.concatenate(held))
 
 
 def time_at_least(
@@ -92,7 +91,7 @@ def time_at_least(
         rows = np.flatnonzero(way[list(columns)].iloc[:-1].max(axis=1).to_numpy() >= level)
         if len(rows):
             times_s.append(way["t_s"].to_numpy()[rows[0] if when == "begin" else rows[-1] + 1])
-    return _median(times_s)
+    return Measured.median(times_s)
 
 
 def share_of_time(reading: Reading, column: str, states: Sequence[float], select: Select) -> Measured | None:
@@ -104,7 +103,8 @@ def share_of_time(reading: Reading, column: str, states: Sequence[float], select
         states: the states.
         select: which cells.
     """
-    return _median([sum(_times(way, column).get(state, 0.0) for state in states) for way in _ways(reading, select)])
+    shares = [sum(_times(way, column).get(state, 0.0) for state in states) for way in _ways(reading, select)]
+    return Measured.median(shares)
 
 
 def share_mainly(
@@ -126,7 +126,7 @@ def share_mainly(
         if times:
             most_else = max((time for state, time in times.items() if state not in states), default=0.0)
             held.append(all(times.get(state, 0.0) > most_else for state in states))
-    return _share(np.array(held))
+    return Measured.share(held)
 
 
 def share_longer_in(
@@ -150,7 +150,7 @@ def share_longer_in(
         }
         for side in (select, than)
     ]
-    return _share(np.array([share > shares[1][pair] for pair, share in shares[0].items() if pair in shares[1]]))
+    return Measured.share(np.array([share > shares[1][pair] for pair, share in shares[0].items() if pair in shares[1]]))
 
 
 def share_greater(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
@@ -163,7 +163,7 @@ def share_greater(reading: Reading, metric: str, select: Select, than: Select) -
         than: the cells that they are compared with.
     """
     rows = reading.pairs(select, than)
-    return _share((rows[metric] > rows[f"{metric}_other"]).to_numpy())
+    return Measured.share((rows[metric] > rows[f"{metric}_other"]).to_numpy())
 
 
 def share_of_worlds_safer(reading: Reading, select: Select, than: Select) -> Measured | None:
@@ -176,7 +176,7 @@ def share_of_worlds_safer(reading: Reading, select: Select, than: Select) -> Mea
     """
     rows = reading.pairs(select, than)
     free = (rows[["collisions", "collisions_other"]] == 0).groupby(rows["world"]).sum()
-    return _share((free["collisions"] > free["collisions_other"]).to_numpy())
+    return Measured.share((free["collisions"] > free["collisions_other"]).to_numpy())
 
 
 def _ways(reading: Reading, select: Select) -> "list[pd.DataFrame]":
@@ -213,32 +213,16 @@ def _one(reading: Reading, table: str, column: str, where: Select) -> float:
     return float(rows[column].iloc[0])
 
 
-def _median(values: Sequence[float]) -> Measured | None:
-    if not len(values):
-        return None
-    return Measured(float(np.median(values)), float(min(values)), float(max(values)), len(values))
-
-
-def _share(cases: Any) -> Measured | None:
-    if not len(cases):
-        return None
-    found = wilson(int(cases.sum()), len(cases))
-    return Measured(found.value, found.low, found.high, found.n)
-
-
-DESCRIPTION_MEASURES: Mapping[str, Callable[..., Measured | None]] = {
-    function.__name__: function
-    for function in (
-        described_value,
-        described_total,
-        described_ratio,
-        described_is_less,
-        share_falling,
-        time_at_least,
-        share_of_time,
-        share_mainly,
-        share_longer_in,
-        share_greater,
-        share_of_worlds_safer,
-    )
-}
+MEASURES = (
+    described_value,
+    described_total,
+    described_ratio,
+    described_is_less,
+    share_falling,
+    time_at_least,
+    share_of_time,
+    share_mainly,
+    share_longer_in,
+    share_greater,
+    share_of_worlds_safer,
+)

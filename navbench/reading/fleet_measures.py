@@ -37,6 +37,12 @@ def difference_in_fleets(reading: Reading, select: Select, than: Select) -> Meas
     return Measured.of(newcombe_paired(*(pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))))
 
 
+def difference_in_fleets_is_above(reading: Reading, select: Select, than: Select) -> Measured | None:
+    """Return 1 where more fleets reach than another controller's by more than chance: the whole interval is above 0."""
+    difference = difference_in_fleets(reading, select, than)
+    return None if difference is None else Measured(float(difference.low > 0.0), 0.0, 1.0, difference.n)
+
+
 def mover_speed(reading: Reading, mover: int, leg: int, select: Select) -> Measured | None:
     """Return how fast a mover drives one of its legs, as a share of the robots' wheel-speed limit.
 
@@ -79,4 +85,4 @@ def share_of_discs_met(reading: Reading, within_m: float, select: Select) -> Mea
     return Measured.share(met)
 
 
-MEASURES = (share_of_fleets, difference_in_fleets, mover_speed, share_of_discs_met)
+MEASURES = (share_of_fleets, difference_in_fleets, difference_in_fleets_is_above, mover_speed, share_of_discs_met)

@@ -14,7 +14,7 @@ import numpy as np
 from navbench.descriptions.description import DescriptionError
 from navbench.descriptions.world import World
 from navbench.mathematics.statistics import newcombe_paired, restricted_mean_difference
-from navbench.reading import fleet_measures, way_measures
+from navbench.reading import description_measures, fleet_measures, trace_measures, way_measures
 from navbench.reading.claims import Measured
 from navbench.reading.phases import is_within
 from navbench.reading.phases import phases as phases_of
@@ -251,6 +251,8 @@ MEASURES: Mapping[str, Callable[..., Measured | None]] = {
         median_decrease,
         least_cost,
         share_at_bound,
+        *description_measures.MEASURES,
+        *trace_measures.MEASURES,
         *way_measures.MEASURES,
         *fleet_measures.MEASURES,
     )

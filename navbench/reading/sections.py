@@ -16,6 +16,7 @@ from navbench.reading.convergence import tuners_compared
 from navbench.reading.evolution import evolution, gains
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
+from navbench.reading.run_figures import spells_on_the_way, time_series
 from navbench.reading.stored import Reading
 from navbench.reading.study_figures import memberships, phases, surface, trajectories, velocities
 from navbench.reading.study_tables import claims, errata, findings, outcomes_table, printed_table, rules
@@ -39,6 +40,8 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         frames,
         wheel_velocities,
         fleet_table,
+        time_series,
+        spells_on_the_way,
         fair_comparison,
         sources,
         errata,

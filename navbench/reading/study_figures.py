@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Select = Mapping[str, Any]
-MARGIN_M = 0.2  # of a picture around the ways that it shows
-THINNED_M = 0.001  # what a drawn way may stray from the driven one
+MARGIN_RADII = 3.0  # of a picture around the ways that it shows
+THINNED_RADII = 0.015  # what a drawn way may stray from the driven one
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 
 
@@ -64,18 +64,21 @@ def trajectories(
         records = reading.select(**select, world=world, label=list(labels)).to_dict("records")
         draw_world(ax, reading.world(records[0]["run_id"]))
         ways = [(row, reading.way(row)) for row in records]
+        robot = describe(Robot, reading.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")
         for row, way in ways:
-            _draw_way(ax, way, style[row["label"]], labels.index(row["label"]), row["tuning_seed"] > 0)
+            one = style[row["label"]]
+            if len(labels) == 1:  # a fleet: a colour a robot
+                one = one._replace(color=PALETTE[row["robot_index"] % len(PALETTE)])
+            _draw_way(ax, way, one, labels.index(row["label"]), row["tuning_seed"] > 0, robot.radius_m)
+            draw_circle(ax, way["x_m"].iloc[0], way["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
                 ax.plot(way["x_m"].iloc[-1], way["y_m"].iloc[-1], "X", color=style[row["label"]].color, zorder=20)
-        robot = describe(Robot, reading.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")
-        first = ways[0][1].iloc[0]
-        draw_circle(ax, first["x_m"], first["y_m"], robot.radius_m)
-        _cut(ax, [way for _, way in ways])
+        _cut(ax, [way for _, way in ways], robot.radius_m)
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
-    _legend(figure, style, labels, columns)
+    if len(labels) > 1:
+        _legend(figure, style, labels, columns)
     return save_figure(figure, out, file, caption)
 
 
@@ -145,7 +148,8 @@ def phases(reading: Reading, out: Path, *, file: str, caption: str, select: Sele
         away_m = math.hypot(goal.x_m - at["x_m"], goal.y_m - at["y_m"])
         raw.append([i, phase.name, at["t_s"], at["x_m"], at["y_m"], away_m])
     _number_places(ax, raw)
-    _cut(ax, [way])
+    robot = describe(Robot, reading.configuration(row["run_id"])["configuration"]["robot"], "robot")
+    _cut(ax, [way], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     names = ["number", "phase", "t_s", "x_m", "y_m", "goal_distance_m"]
     rows = [[str(i), name, *(number(value, 2) for value in values)] for i, name, *values in raw]
@@ -202,21 +206,21 @@ def surface(reading: Reading, out: Path, *, file: str, caption: str, table: str)
     return save_figure(figure, out, file, caption)
 
 
-def _draw_way(ax: "Axes", way: "pd.DataFrame", style: Style, rank: int, faint: bool) -> None:
+def _draw_way(ax: "Axes", way: "pd.DataFrame", style: Style, rank: int, faint: bool, radius_m: float) -> None:
     """Draw a way; of several tunings the first one strongly, the others behind it."""
-    x_m, y_m = thinned(way[["x_m", "y_m"]].to_numpy(), THINNED_M).T
+    x_m, y_m = thinned(way[["x_m", "y_m"]].to_numpy(), THINNED_RADII * radius_m).T
     if faint:
         ax.plot(x_m, y_m, color=style.color, linewidth=0.7, alpha=0.35, zorder=4)
     else:
         ax.plot(x_m, y_m, color=style.color, linewidth=1.7, linestyle=style.dashes, zorder=5 + rank)
 
 
-def _cut(ax: "Axes", ways: Sequence["pd.DataFrame"]) -> None:
+def _cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float) -> None:
     """Cut a picture to a square around the ways, and no further than it reached."""
     limits = []
     for name, (low, high) in (("x_m", ax.get_xlim()), ("y_m", ax.get_ylim())):
-        least = min(way[name].min() for way in ways) - MARGIN_M
-        most = max(way[name].max() for way in ways) + MARGIN_M
+        least = min(way[name].min() for way in ways) - MARGIN_RADII * radius_m
+        most = max(way[name].max() for way in ways) + MARGIN_RADII * radius_m
         limits.append((max(least, low), min(most, high)))
     width = max(high - low for low, high in limits)
     centres = [0.5 * (low + high) for low, high in limits]

@@ -5,14 +5,13 @@ such as ``v_mps``, or of the controller's trace. A spell is a run of control per
 """
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.descriptions.description import DescriptionError
-from navbench.mathematics.statistics import wilson
 from navbench.reading.claims import Measured
 from navbench.reading.stored import Reading, reached
 
@@ -31,17 +30,17 @@ class Spell(NamedTuple):
 def median_periods(reading: Reading, select: Select) -> Measured | None:
     """Return the median number of control periods of the robots that reached, with its range."""
     rows = reached(reading.select(**select)).to_dict("records")
-    return _median([len(reading.way(row)) - 1 for row in rows])
+    return Measured.median([len(reading.way(row)) - 1 for row in rows])
 
 
 def median_spread(reading: Reading, column: str, select: Select) -> Measured | None:
     """Return how far a column's values lie apart in an episode, the greatest less the least: the median episode's."""
-    return _median([float(np.ptp(values)) for values in _columns(reading, column, select)])
+    return Measured.median([float(np.ptp(values)) for values in _columns(reading, column, select)])
 
 
 def median_last(reading: Reading, column: str, select: Select) -> Measured | None:
     """Return a column's value in the last control period: the median episode's, with the range."""
-    return _median([float(values[-1]) for values in _columns(reading, column, select)])
+    return Measured.median([float(values[-1]) for values in _columns(reading, column, select)])
 
 
 def share_of_periods_within(
@@ -61,7 +60,7 @@ def share_of_periods_within(
     shares = []
     for values in zip(*(_columns(reading, column, select) for column in columns), strict=True):
         shares.append(float(np.mean(np.all([(low <= one) & (one <= high) for one in values], axis=0))))
-    return _median(shares)
+    return Measured.median(shares)
 
 
 def share_of_periods_changing(reading: Reading, column: str, by: float, select: Select) -> Measured | None:
@@ -69,12 +68,13 @@ def share_of_periods_changing(reading: Reading, column: str, by: float, select: 
 
     The value is the median episode's, with the range, see ``share_of_periods_within``.
     """
-    return _median([float(np.mean(np.abs(np.diff(values)) > by)) for values in _columns(reading, column, select)])
+    changes = [np.abs(np.diff(values)) for values in _columns(reading, column, select)]
+    return Measured.median([float(np.mean(change > by)) for change in changes])
 
 
 def share_never_rising(reading: Reading, column: str, slack: float, select: Select) -> Measured | None:
     """Return the share of episodes in which a column rises from no control period to the next by more than a slack."""
-    return _share([bool((np.diff(values) <= slack).all()) for values in _columns(reading, column, select)])
+    return Measured.share([bool((np.diff(values) <= slack).all()) for values in _columns(reading, column, select)])
 
 
 def share_in_sequence(
@@ -90,12 +90,12 @@ def share_in_sequence(
         select: which cells.
     """
     happened = [[s.value for s in spells(found, least_periods)] for found in _columns(reading, column, select)]
-    return _share([way == list(values) for way in happened])
+    return Measured.share([way == list(values) for way in happened])
 
 
 def median_changes(reading: Reading, column: str, select: Select) -> Measured | None:
     """Return how often a column changes its value in an episode: the median episode's, with the range."""
-    return _median([int(np.count_nonzero(np.diff(values))) for values in _columns(reading, column, select)])
+    return Measured.median([int(np.count_nonzero(np.diff(values))) for values in _columns(reading, column, select)])
 
 
 def share_jumping(
@@ -127,7 +127,7 @@ def share_jumping(
             if value in (before.value, after.value):
                 near = found[max(after.begin - least_periods, 0) : after.begin + least_periods]
                 jumps.append(bool(np.ptp(near) >= share_of_range * np.ptp(found)))
-    return _share(jumps)
+    return Measured.share(jumps)
 
 
 def spells(values: FloatArray, least_periods: int = 1) -> list[Spell]:
@@ -157,30 +157,14 @@ def _columns(reading: Reading, column: str, select: Select) -> Iterator[FloatArr
         yield way[column].to_numpy()[:-1]
 
 
-def _median(values: Sequence[float]) -> Measured | None:
-    if not values:
-        return None
-    return Measured(float(np.median(values)), float(min(values)), float(max(values)), len(values))
-
-
-def _share(cases: Sequence[bool]) -> Measured | None:
-    if not cases:
-        return None
-    interval = wilson(sum(cases), len(cases))
-    return Measured(interval.value, interval.low, interval.high, interval.n)
-
-
-TRACE_MEASURES: Mapping[str, Callable[..., Measured | None]] = {
-    function.__name__: function
-    for function in (
-        median_periods,
-        median_spread,
-        median_last,
-        median_changes,
-        share_of_periods_within,
-        share_of_periods_changing,
-        share_never_rising,
-        share_in_sequence,
-        share_jumping,
-    )
-}
+MEASURES = (
+    median_periods,
+    median_spread,
+    median_last,
+    median_changes,
+    share_of_periods_within,
+    share_of_periods_changing,
+    share_never_rising,
+    share_in_sequence,
+    share_jumping,
+)

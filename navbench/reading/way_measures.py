@@ -20,7 +20,9 @@ Select = Mapping[str, Any]
 Bands = Mapping[str, Sequence[float]]
 
 
-def share_of_periods(reading: Reading, select: Select, where: Bands, holds: Bands) -> Measured | None:
+def share_of_periods(
+    reading: Reading, select: Select, where: Bands, state: str, settled_s: float, holds: Bands
+) -> Measured | None:
     """Return in what share of some of a robot's control periods some bands hold: the median robot's, with the range.
 
     Periods follow from one another, so they are not counted as independent cases.
@@ -29,11 +31,15 @@ def share_of_periods(reading: Reading, select: Select, where: Bands, holds: Band
         reading: the study's results.
         select: which cells and robots.
         where: which periods: a band for each of some columns.
+        state: of these, only those in which this column is 0 and
+        settled_s: has been for so long [s], since it was last not 0 or since the beginning.
         holds: what must hold in them: a band for each of some columns.
     """
     shares = []
     for way in _ways(reading, select):
-        chosen = way[_within(way, where)]
+        t_s = way["t_s"]
+        last_s = t_s.where(way[state] != 0.0).ffill().fillna(0.0)
+        chosen = way[_within(way, where) & (way[state] == 0.0).to_numpy() & (t_s - last_s >= settled_s).to_numpy()]
         if len(chosen):
             shares.append(float(_within(chosen, holds).mean()))
     return Measured.median(shares)
