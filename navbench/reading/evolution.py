@@ -11,6 +11,7 @@ from navbench.reading.figures import PALETTE, new_figure, save_figure
 from navbench.reading.markup import MISSING, number, save_table
 from navbench.reading.measures import RESAMPLING_SEED
 from navbench.reading.stored import Reading, outcomes
+from navbench.reading.study_tables import description
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,6 +71,34 @@ def evolution(
     headers += ["gain of the mutant [%]", "gain of evolution [%]"]
     table = save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
     return f"{save_figure(figure, out, file, caption)}\n{table}"
+
+
+def rules_compared(reading: Reading, out: Path, *, file: str, tables: Mapping[str, str]) -> str:
+    """Return rule bases that controllers offer of themselves, side by side; what differs from the first has a star.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        tables: what each rule base is called, and the name of its described table; all have the same inputs, in the
+            same order, and the outputs last.
+    """
+    found = {title: description(reading, table) for title, table in tables.items()}
+    first = next(iter(found.values()))
+    inputs = [name for name in first.columns if all((table[name] == first[name]).all() for table in found.values())]
+    outputs = [name for name in first.columns if name not in inputs]
+    whole = first[inputs].copy()
+    for output in outputs:
+        for title, table in found.items():
+            whole[f"{output}: {title}"] = table[output]
+    rows = []
+    for i, line in enumerate(whole.astype(str).to_numpy().tolist()):
+        old = [str(first[output].iloc[i]) for output in outputs for _ in found]
+        rows.append(
+            line[: len(inputs)]
+            + [word if word == before else f"{word}*" for word, before in zip(line[len(inputs) :], old, strict=True)]
+        )
+    return save_table(out, file, whole, list(whole.columns), rows)
 
 
 def gains(

@@ -13,7 +13,7 @@ from typing import Any
 from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
-from navbench.reading.evolution import evolution, gains
+from navbench.reading.evolution import evolution, gains, rules_compared
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
 from navbench.reading.run_figures import spells_on_the_way, time_series
@@ -37,6 +37,7 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         tuners_compared,
         evolution,
         gains,
+        rules_compared,
         frames,
         wheel_velocities,
         fleet_table,
