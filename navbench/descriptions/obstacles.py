@@ -116,8 +116,14 @@ class Mover:
         legs = len(self.waypoints) - (not self.cyclic)
         if len(self.speeds_mps) != legs:
             raise DescriptionError(f"speeds_mps: one a leg, {legs} in all, got {len(self.speeds_mps)}")
+        if not all(0.0 < length / speed < math.inf for (*_, length), speed in self._driven()):
+            raise DescriptionError("speeds_mps: each leg must take a time that is finite and above 0")
         if self.outline:
             check_convex("outline", self.outline)
+            ends = zip(self.outline, (*self.outline[1:], self.outline[0]), strict=True)
+            turns = [a.x_m * b.y_m - a.y_m * b.x_m for a, b in ends]  # as seen from the centre
+            if min(turns) < 0.0 < max(turns):
+                raise DescriptionError("outline: must hold its centre, x_m 0 and y_m 0")
             if any(math.hypot(corner.x_m, corner.y_m) > self.radius_m * (1.0 + 1e-9) for corner in self.outline):
                 raise DescriptionError(f"outline: must lie within the radius, {self.radius_m} m from its centre")
 
@@ -125,6 +131,10 @@ class Mover:
         ends = (*self.waypoints[1:], self.waypoints[0]) if self.cyclic else self.waypoints[1:]
         for a, b in zip(self.waypoints, ends, strict=False):
             yield a, b, math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
+
+    def _driven(self) -> Iterator[tuple[tuple[Point, Point, float], float]]:
+        """Yield each leg with its speed."""
+        yield from zip(self._legs(), self.speeds_mps, strict=True)
 
     def place(self, t_s: float) -> tuple[float, float]:
         """Return where its centre is at a time: x, y [m]."""
@@ -134,7 +144,7 @@ class Mover:
 
     def schedule(self) -> FloatArray:
         """Return one round of the mover as (n_legs, 6) rows: begin and end time [s], x, y [m], vx, vy [m/s]."""
-        legs = [(a, b, length, speed) for (a, b, length), speed in zip(self._legs(), self.speeds_mps, strict=True)]
+        legs = [(a, b, length, speed) for (a, b, length), speed in self._driven()]
         if not self.cyclic:
             legs += [(b, a, length, speed) for a, b, length, speed in reversed(legs)]
         rows, begin = [], 0.0
