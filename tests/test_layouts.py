@@ -380,6 +380,7 @@ STAR = square(*((3.0 * math.cos(0.8 * math.pi * k), 3.0 * math.sin(0.8 * math.pi
 LINE = square((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))
 OUTSIDE = square((35.0, 0.0), (41.0, 0.0), (35.0, 5.0))
 LATE = square((0.9, 0.0), (0.0, 1.01), (-0.9, 0.0))
+ASIDE = square((0.2, 0.2), (0.6, 0.2), (0.2, 0.6))
 MOVING = {"radius_m": 1.0, "waypoints": square((0.0, 0.0), (9.0, 0.0)), "speeds_mps": [1.0]}
 
 WRONG_VALUES: list[tuple[dict[str, Any], list[str]]] = [
@@ -389,6 +390,10 @@ WRONG_VALUES: list[tuple[dict[str, Any], list[str]]] = [
     ({"layout": {"movers": {**WANDER, "speed_mps": [2.0, 1.0]}}}, ["world.layout.movers.speed_mps", "[2.0, 1.0]"]),
     ({"layout": {"discs": {**ROUND, "count": [0, 0]}}}, ["world.layout.discs.count[1]=0", "or equal to 1"]),
     ({"layout": {"discs": {**ROUND, "count": [-1, 2]}}}, ["world.layout.discs.count[0]=-1", "or equal to 0"]),
+    ({"layout": {"movers": {**WANDER, "count": [1, 1001]}}},
+     ["world.layout.movers.count[1]=1001", "less than or equal to 1000"]),
+    ({"layout": {"polygons": {**EDGED, "corners": [3, 101]}}},
+     ["world.layout.polygons.corners[1]=101", "less than or equal to 100"]),
     ({"layout": {"discs": {**ROUND, "count": [1.0, 2.5]}}}, ["world.layout.discs.count", "integer"]),
     ({"layout": {"discs": {**ROUND, "radius_m": [0.0, 1.0]}}}, ["world.layout.discs.radius_m[0]=0.0", "than 0"]),
     ({"layout": {"polygons": {**EDGED, "corners": [2, 4]}}},
@@ -410,6 +415,11 @@ WRONG_VALUES: list[tuple[dict[str, Any], list[str]]] = [
     ({"polygons": [{"corners": DART[:2]}]}, ["world.polygons[0].corners: ", "at least 3", "got 2"]),
     ({"polygons": [{"corners": OUTSIDE}]}, ["world.polygons[0]: ", "inside the bounds x [-30.0, 40.0]"]),
     ({"movers": [{**MOVING, "outline": DART}]}, ["world.movers[0].outline: ", "convex"]),
+    ({"movers": [{**MOVING, "outline": ASIDE}]}, ["world.movers[0].outline: ", "must hold its centre"]),
+    ({"movers": [{**MOVING, "outline": ASIDE[::-1]}]}, ["world.movers[0].outline: ", "must hold its centre"]),
+    ({"movers": [{**MOVING, "waypoints": square((0.0, 0.0), (1e-300, 0.0)), "speeds_mps": [1e300]}]},
+     ["world.movers[0].speeds_mps: ", "finite and above 0"]),
+    ({"movers": [{**MOVING, "speeds_mps": [1e-309]}]}, ["world.movers[0].speeds_mps: ", "finite and above 0"]),
     ({"movers": [{**MOVING, "outline": LATE}]}, ["world.movers[0].outline: ", "within the radius, 1.0 m"]),
     ({"goals": [{"x_m": 22.0, "y_m": 0.0}] * 2, **{"polygons": STANDING["polygons"]}},
      ["world.goals[0]: (22.0, 0.0)", "outside every obstacle"]),
@@ -452,6 +462,11 @@ def test_a_clockwise_polygon_is_as_good_as_the_other_way_round() -> None:
             {"movers": {**WANDER, "leg_m": [99.0, 120.0]}},
             {},
             ["world.layout.movers.leg_m=[99.0, 120.0]", "no leg fits"],
+        ),
+        (
+            {"movers": {**WANDER, "leg_m": [1e-6, 1e-6]}},
+            {},
+            ["world.layout.movers.leg_m=[1e-06, 1e-06]", "a mover has more than 100000 legs"],
         ),
         (
             {"swap": CIRCLE},

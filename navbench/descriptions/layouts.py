@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, Count, DescriptionError, Positive, Probability
+from navbench.descriptions.description import STRICT, DescriptionError, Positive, Probability
 from navbench.descriptions.obstacles import Bounds, Disc, Mover, Point, Polygon
 from navbench.mathematics.geometry import distance_to_nearest
 
 FloatArray = NDArray[np.float64]
 
 DRAWS_MAX = 1000  # for one thing; what finds no place so often has none
+THINGS_MAX = 1000  # of one kind
+CORNERS_MAX = 100  # of a polygon: more are a disc
+LEGS_MAX = 10**5  # of a mover: more are a slip in a unit, and would fill the memory
 CORNER_SHIFT = 0.45  # of the even spacing; with less than a half, a triangle still holds its centre
 
 
@@ -26,8 +29,11 @@ def _ascending(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 Span = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
-CountSpan = Annotated[tuple[Annotated[int, Field(ge=0, strict=True)], Count], AfterValidator(_ascending)]
-CornerSpan = Annotated[tuple[Annotated[int, Field(ge=3, strict=True)], Count], AfterValidator(_ascending)]
+Few = Annotated[int, Field(ge=0, le=THINGS_MAX, strict=True)]
+Some = Annotated[int, Field(ge=1, le=THINGS_MAX, strict=True)]
+Corners = Annotated[int, Field(ge=3, le=CORNERS_MAX, strict=True)]
+CountSpan = Annotated[tuple[Few, Some], AfterValidator(_ascending)]
+CornerSpan = Annotated[tuple[Corners, Corners], AfterValidator(_ascending)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -243,6 +249,9 @@ def _way(
             points.append((x, y))
             speeds.append(rng.uniform(*wander.speed_mps))
             spent, misses = spent + length / speeds[-1], 0
+            if len(speeds) > LEGS_MAX:
+                leg = f"world.layout.movers.leg_m={list(wander.leg_m)}"
+                raise DescriptionError(f"{leg}: so short that a mover has more than {LEGS_MAX} legs")
         elif (misses := misses + 1) == DRAWS_MAX:
             raise DescriptionError(f"world.layout.movers.leg_m={list(wander.leg_m)}: no leg fits into the bounds")
     return tuple(Point(x_m=x, y_m=y) for x, y in points), tuple(speeds)
