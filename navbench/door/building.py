@@ -124,7 +124,7 @@ def _check_type(key: str, hint: Any, value: Any) -> None:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
-        allowed = first["msg"].replace("Input should be", "must be")
+        allowed = first["msg"].replace("Input should be", "must be").replace("an object", "a mapping")
         raise DescriptionError(f"{key}{place}={first['input']!r}: {allowed}") from None
 
 

@@ -51,7 +51,9 @@ def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episod
                 poses.append(pose)
                 break
         else:
-            raise DescriptionError(f"start_jitter_m: no free place near world.starts[{i}] in episode {episode}")
+            raise DescriptionError(
+                f"start_jitter_m={jitter.position_m}: no free place within it of world.starts[{i}] in episode {episode}"
+            )
     return poses
 
 
