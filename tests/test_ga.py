@@ -390,6 +390,7 @@ def test_it_finds_as_much_as_a_loop_of_deap_s_operators(monkeypatch: pytest.Monk
         ("step", 1.1, "a finite number from 0 to 1"),
         ("level_step", 0, "a whole number of at least 1"),
         ("level_step", 1.0, "a whole number of at least 1"),
+        ("level_step", 10**21, "at most 1000"),
     ],
 )
 def test_a_wrong_parameter_is_refused_by_key_value_and_what_is_allowed(key: str, bad: Any, allowed: str) -> None:

@@ -33,6 +33,8 @@ from navbench.tuners.genetics import double_point_crossover, expected_copies, mu
 from navbench.tuners.space import Space
 from navbench.tuners.swarms import Generations, is_number, random_points, require_number, require_whole
 
+LEVEL_STEP_MAX = 1000  # no gene has so many levels
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ga:
@@ -68,6 +70,8 @@ class Ga:
         require_number(self, "genes_mutated")
         require_number(self, "step", most=1.0)
         require_whole(self, "level_step", least=1)
+        if self.level_step > LEVEL_STEP_MAX:
+            raise ValueError(f"Ga.level_step={self.level_step}: must be at most {LEVEL_STEP_MAX}")
 
     @property
     def population(self) -> int:
