@@ -272,6 +272,51 @@ def test_the_cost_of_several_worlds_is_the_mean_over_all_their_robots(folder: Pa
     assert both == pytest.approx((np.array(aside) + 2.0 * np.array(apart)) / 3.0)
 
 
+def test_a_further_world_is_run_with_the_same_words(folder: Path) -> None:
+    words = [*WORDS, "worlds=[empty]", "controller.build.gains.speed_mps=0.2", "sensors=ring16"]
+    words += ["sensors.noise_std_m=0.01", "simulator.drive=limited", "robot.radius_m=0.07", "episodes=2", "seed=4"]
+    first, second = compose_tuning(words, str(folder / "conf"))[0].cells
+    assert (first.names.world, second.names.world) == ("aside", "empty")
+    assert second.names.controller == "steer"
+    assert (second.sensors, second.options, second.robot) == (first.sensors, first.options, first.robot)
+    assert (second.sensors.noise_std_m, second.options.drive, second.robot.radius_m) == (0.01, "limited", 0.07)
+    assert second.configuration["controller"]["build"]["gains"]["speed_mps"] == 0.2
+    assert (second.episodes, second.seed) == (2, 4)
+
+
+def test_the_file_of_a_tuned_controller_holds_what_the_words_set_and_tells_them(folder: Path) -> None:
+    given = ["controller.build.rules.turn.left=left", "simulator.drive=limited"]
+    words = [*WORDS[:-1], *given, "budget=30", "name=mine", "workers=1", "hydra.run.dir=done"]
+    done = navbench(folder, "tune", *words, "controller.tunable={}", "~controller.tunable.rules", "~controller.repair")
+    assert done.returncode == 0, done.stderr
+    beside = "copy it beside conf/controller/steer.yaml, and use it with --config-dir conf controller=mine"
+    assert beside in done.stdout
+    content = yaml.safe_load((folder / "done/conf/controller/mine.yaml").read_text())
+    assert content["build"]["rules"] == {"turn": {"left": "left"}}
+    assert set(content["sources"]) == {"build.gains", "build.rules.turn.left"}
+    told = content["sources"]["build.gains"]["tuned"]
+    assert told.startswith(f"navbench tune controller=steer tuner=ga objective=time {' '.join(given)} ")
+    assert "hydra" not in told
+
+    (folder / "done/conf/controller/mine.yaml").rename(folder / "conf/controller/mine.yaml")
+    again = navbench(folder, "controller=mine", "world=aside", "simulator.drive=limited", "hydra.run.dir=again")
+    assert again.returncode == 0, again.stderr
+    (row,) = Results(folder / "again").episodes().to_dict("records")
+    assert (row["outcome"], row["time_s"]) == ("reached", Results(folder / "done").evaluations()["cost"].min())
+
+
+def test_a_repair_that_fails_under_way_is_named_and_nothing_is_left(folder: Path) -> None:
+    late = "\n\nclass Late(Ordered):\n    calls = 0\n\n    def __call__(self, values):\n        self.calls += 1\n"
+    late += "        return {} if self.calls > 40 else super().__call__(values)\n"
+    (folder / "toy_steering.py").write_text(MODULE + late)
+    before = sorted(folder.rglob("*.*"))
+    done = navbench(folder, "tune", *WORDS, "controller.repair._target_=toy_steering.Late", "workers=1")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("navbench: controller.repair: must return a value for each of the 6")
+    assert [file for file in sorted(folder.rglob("*.*")) if file.suffix != ".pyc"] == before
+    assert not (folder / "outputs").exists()
+
+
 STUDY = """# @package _global_
 # steering: a study of choices, for the tests of tunings
 title: "steering: a study of choices"

@@ -19,7 +19,7 @@ from navbench.descriptions.simulation import SimulatorOptions
 from navbench.descriptions.world import World
 from navbench.door import schema
 from navbench.door.building import controller_maker
-from navbench.door.catalogue import GROUPS, check_folder
+from navbench.door.catalogue import LISTED, check_folder
 from navbench.experiments.cells import Cell
 from navbench.loop.similarity import Native, Similarity, period_s
 from navbench.loop.starts import Jitter, check_fits
@@ -74,10 +74,12 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
     values: dict[str, Any] = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[assignment]
     _check_run(values, OmegaConf.get_type(config))
     names = Names(*(str(choices[name]) for name in Names._fields))
-    sources = {name: latest_sources(_take(_mapping(values[name], name), "sources")) for name in Names._fields}
+    sources = {
+        name: latest_sources(_take(_mapping(values[name], name), "sources", f"{name}.")) for name in Names._fields
+    }
     native = _native(values["controller"])
     for key in ("tunable", "repair"):
-        _take(values["controller"], key)  # for a tuning, which reads them for itself
+        _take(values["controller"], key, "controller.")  # for a tuning, which reads them for itself
     _check_keys(values["controller"], "controller", ("build", "native", "sources"))
     _check_keys(values["world"], "world", [item.name for item in fields(World) if item.name != "name"])
     world = describe(World, {**values["world"], "name": names.world}, "world")
@@ -114,9 +116,14 @@ def check_words(words: Iterable[str]) -> None:
         DescriptionError: a word chooses no name.
     """
     for word in words:
-        group = re.fullmatch(rf"({'|'.join(GROUPS)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
+        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
         if group:
             raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
+
+
+def key_of(word: str) -> str:
+    """Return the key of a word of the command line, such as controller.build.kp."""
+    return re.split(r"[=@]", word.lstrip("+~"))[0]
 
 
 def _check_run(values: Mapping[str, Any], kind: Any) -> None:
@@ -138,7 +145,10 @@ def _check_run(values: Mapping[str, Any], kind: Any) -> None:
 
 def _check_steps(world: World, robot: Robot, native: Native | None) -> None:
     """Check that an episode ends within a number of periods and substeps that a machine can bear."""
-    fastest = max(robot.wheel_speed_max_mps, *(speed for mover in world.movers for speed in mover.speeds_mps), 0.0)
+    speeds = [speed for mover in world.movers for speed in mover.speeds_mps]
+    if world.layout is not None and world.layout.movers is not None:
+        speeds.append(world.layout.movers.speed_mps[1])
+    fastest = max(robot.wheel_speed_max_mps, *speeds, 0.0)
     period = period_s(native, Similarity.between(robot, native))
     step_s = min(period, SUBSTEP_RADII * robot.radius_m / fastest)
     if not world.time_limit_s <= STEPS_MAX * step_s:
@@ -163,9 +173,9 @@ def _mapping(values: Any, key: str) -> dict[str, Any]:
     return values
 
 
-def _take(values: dict[str, Any], key: str) -> Any:
-    """Return a key's mapping and remove it."""
-    return _mapping(values.pop(key, None) or {}, key)
+def _take(values: dict[str, Any], key: str, above: str) -> Any:
+    """Return a key's mapping and remove it; ``above`` is the place of the key, for the error message."""
+    return _mapping(values.pop(key, None) or {}, f"{above}{key}")
 
 
 def _check_keys(values: Mapping[str, Any], key: str, allowed: Iterable[str]) -> None:
@@ -184,7 +194,7 @@ def _native(controller: dict[str, Any]) -> Native | None:
     for name in ("robot", "period_s"):
         if name not in values:
             raise DescriptionError(f"controller.native.{name}: missing; native needs a robot and a period_s")
-    _take(_mapping(values["robot"], "controller.native.robot"), "sources")
+    _take(_mapping(values["robot"], "controller.native.robot"), "sources", "controller.native.robot.")
     robot = describe(Robot, values["robot"], "controller.native.robot")
     period = values["period_s"]
     if isinstance(period, bool) or not isinstance(period, int | float) or not 0.0 < period < float("inf"):

@@ -1,6 +1,7 @@
 """From a composed configuration to a tuning or a study."""
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,7 +22,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.descriptions.description import STRICT, Count, DescriptionError, Flag, describe
 from navbench.door import schema
-from navbench.door.configuration import cell_of, check_words
+from navbench.door.configuration import cell_of, check_words, key_of
 from navbench.door.tunable import dimensions_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.studies import Planned, Study
@@ -33,6 +34,8 @@ from navbench.reading.sections import check_section
 Compose = Callable[[str, Sequence[str]], tuple[DictConfig, dict[str, Any]]]
 Seed = Annotated[int, Field(ge=0, strict=True)]
 Words = tuple[str, ...]
+
+OF_A_TUNING = ("tuner", "objective", "budget", "name", "world", "worlds", "workers", "hydra")  # not of its cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -132,7 +135,7 @@ def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> t
     with composing(config_dir) as composed:
         config, choices = composed("tune", overrides)
         path = Path(HydraConfig.get().run.dir)
-        return tuning_of(config, choices, composed), path, config.workers
+        return tuning_of(config, choices, overrides, composed), path, config.workers
 
 
 def compose_study(name: str, config_dir: str | None = None) -> Study:
@@ -181,7 +184,7 @@ def _cells(key: str, spec: CellSpec, composed: Compose) -> list[Planned]:
 
 def _tunings(key: str, spec: TuningSpec, composed: Compose) -> list[Tuning]:
     try:
-        first = tuning_of(*composed("tune", spec.overrides), composed)
+        first = tuning_of(*composed("tune", spec.overrides), spec.overrides, composed)
     except DescriptionError as error:
         raise DescriptionError(f"{key}: {error}") from None
     return [replace(first, name=spec.name, seed=seed) for seed in range(spec.seeds)]
@@ -194,12 +197,13 @@ def _products(overrides: Sequence[str]) -> list[list[str]]:
     return products
 
 
-def tuning_of(config: DictConfig, choices: Mapping[str, Any], composed: Compose) -> Tuning:
+def tuning_of(config: DictConfig, choices: Mapping[str, Any], overrides: Sequence[str], composed: Compose) -> Tuning:
     """Return the tuning that a composed configuration describes.
 
     Args:
         config: the configuration, of the primary config ``tune``.
         choices: which file was chosen in each group.
+        overrides: the words that it was composed with.
         composed: composes the cells in its further worlds.
 
     Raises:
@@ -213,15 +217,18 @@ def tuning_of(config: DictConfig, choices: Mapping[str, Any], composed: Compose)
             f"controller.tunable: missing; {cell.names.controller} names no parameters to tune, "
             "as `kp: {low: 0.0, high: 10.0, scale: linear}`"
         )
+    name = values["name"] or f"{choices['tuner']}_{cell.names.controller}"
+    if not re.fullmatch(r"[A-Za-z0-9][\w-]*", name) or name == cell.names.controller:
+        raise DescriptionError(f"name={name}: must be a word of letters, digits, _ and -, and not the controller's own")
     repair = values["controller"].get("repair")
     sources = {part: values[part].pop("sources", {}) for part in ("tuner", "objective")}
     build = values["tuner"]
     configuration = {"tuner": build, "objective": values["objective"], "tunable": tunable}
     return Tuning(
-        name=values["name"] or f"{choices['tuner']}_{cell.names.controller}",
+        name=name,
         tuner_name=str(choices["tuner"]),
         objective_name=str(choices["objective"]),
-        cells=(cell, *_further_cells(values["worlds"], config, choices, composed)),
+        cells=(cell, *_further_cells(values["worlds"], choices, overrides, composed)),
         tuner=_made("tuner.build", build.get("build")),
         dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
         objective=describe(Objective, values["objective"], "objective"),
@@ -246,10 +253,18 @@ def _made(key: str, build: Any) -> Any:
 
 
 def _further_cells(
-    worlds: Sequence[str], config: DictConfig, choices: Mapping[str, Any], composed: Compose
+    worlds: Sequence[str], choices: Mapping[str, Any], overrides: Sequence[str], composed: Compose
 ) -> list[Cell]:
-    """Return the same cell in further worlds, on the robot that each was drawn for."""
-    groups = [f"{name}={choices[name]}" for name in ("controller", "simulator")]
-    keys = ("episodes", "seed", "start_jitter_m", "start_heading_jitter_rad")
-    words = [*groups, *(f"{key}={config[key]}" for key in keys)]
-    return [cell_of(*composed("run", [*words, f"world={world}"])) for world in worlds]
+    """Return the cells of the same words in further worlds, each on the robot that it was drawn for or that they name.
+
+    Raises:
+        DescriptionError: a world stands there twice, or as ``cell_of``.
+    """
+    for i, world in enumerate(worlds):
+        if world in (choices["world"], *worlds[:i]):
+            raise DescriptionError(f"worlds[{i}]={world}: stands there twice; `world` is the first of them")
+    controller = f"controller={choices['controller']}"
+    kept = [
+        word for word in overrides if key_of(word) != "controller" and key_of(word).split(".")[0] not in OF_A_TUNING
+    ]
+    return [cell_of(*composed("run", [controller, *kept, f"world={world}"])) for world in worlds]

@@ -14,7 +14,7 @@ def dimensions_of(tunable: Mapping[str, Any], build: dict[str, Any]) -> tuple[Si
 
     Args:
         tunable: bounds ``{low, high, scale}`` or ``{choices}`` by the dotted place, below ``build``, of a parameter,
-            or of a mapping or list, which stands for every parameter in it.
+            or of a mapping, which stands for every parameter in it.
         build: the controller's ``build``; the search starts from what it holds.
 
     Raises:

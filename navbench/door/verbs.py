@@ -118,8 +118,9 @@ def report(arguments: Sequence[str]) -> int:
         raise DescriptionError("report: name at least one results directory")
     runs = [run for name in words.names for run in _results_in(Path(name))]
     if out is None:
-        study_of_it = (runs[0].manifest()["study"] or {}).get("name")
-        out = Path("results") / study_of_it if study_of_it and len(runs) == 1 else Path(words.names[0]) / "report"
+        study_of_it = (runs[0].manifest()["study"] or {}).get("name", "")
+        kept = len(runs) == 1 and study_of_it and not study_of_it.startswith("tune ")  # a tuning's name is no folder
+        out = Path("results") / study_of_it if kept else Path(words.names[0]) / "report"
     print(_first_lines(write_report([Results(run.path) for run in runs], out)))
     return 0
 
@@ -149,12 +150,12 @@ def tune(arguments: Sequence[str]) -> int:
     tuning, path, workers = compose_tuning(words.overrides, words.config_dir)
     from navbench.door.tuned import write_controller
     from navbench.experiments.running import run_batches
-    from navbench.experiments.store import Results, batch_name, tuning_name
+    from navbench.experiments.store import Results, batch_name, discard_empty, existing, tuning_name
     from navbench.experiments.tunings import run_tuning
     from navbench.reading.figures import save_convergence
     from navbench.reading.tables import summarize, to_text
 
-    results = Results(path)
+    results, there = Results(path), existing(path)
     placed = [_place(cell, f"untuned {cell.names.controller}") for cell in tuning.cells]
     content = {
         "name": f"tune {tuning.name}",
@@ -164,10 +165,15 @@ def tune(arguments: Sequence[str]) -> int:
         "report": [],
     }
     results.begin([place for place, _ in placed], [tuning.key()], content)
-    with _progress() as progress:
-        record = run_tuning(
-            tuning, workers, lambda done, best: progress(f"best cost {best:.6g}, evaluations", done, tuning.budget)
-        )
+    try:
+        with _progress() as progress:
+            record = run_tuning(
+                tuning, workers, lambda done, best: progress(f"best cost {best:.6g}, evaluations", done, tuning.budget)
+            )
+    except BaseException:
+        results.abandon()
+        discard_empty(path, there)
+        raise
     results.write_evaluations(tuning.key(), record.columns())
     placed += [_place(cell.with_parameters(record.best()), tuning.name) for cell in tuning.cells]
     results.begin([place for place, _ in placed], [tuning.key()], content)
@@ -177,7 +183,7 @@ def tune(arguments: Sequence[str]) -> int:
     run_batches([cell for _, cell in placed], results, workers, resume=False)
     results.end()
     save_convergence(results, path / "convergence.png")
-    file = write_controller(tuning, record, path)
+    file = write_controller(tuning, record, path, words.overrides)
     labels = {place.key.run_id: place.label for place, _ in placed}
     summary = summarize(results.episodes())
     summary["controller"] = [labels[run_id] for run_id in summary["run_id"]]
@@ -186,9 +192,17 @@ def tune(arguments: Sequence[str]) -> int:
         f"cost {record.evaluations[record.best_index].cost:.6g} at evaluation {record.best_index} of {tuning.budget}:"
     )
     print(_changes(tuning, record))
-    print(f"controller: {file}; use it with --config-dir {file.parents[1]} controller={tuning.name}")
+    print(f"controller: {file}; {_use(file, tuning.cells[0].names.controller, words.config_dir)}")
     print(f"results: {path}")
     return 0
+
+
+def _use(file: Path, inherited: str, config_dir: str | None) -> str:
+    """Return how to use a tuned controller's file, which needs the one that it inherits from beside it."""
+    beside = Path(config_dir or CONF) / "controller" / f"{inherited}.yaml"
+    if config_dir and beside.is_file():
+        return f"copy it beside {beside}, and use it with --config-dir {config_dir} controller={file.stem}"
+    return f"use it with --config-dir {file.parents[1]} controller={file.stem}"
 
 
 def _place(cell: "Cell", label: str) -> Any:

@@ -20,6 +20,7 @@ from navbench.tuners.search import Tuner, batches
 from navbench.tuners.space import Repair, Side, space_of
 
 SEEDS_MAX = 2**63  # of an evaluation
+BUDGET_MAX = 10**6  # evaluations: more are a slip, and would fill the memory
 
 
 @described(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -120,17 +121,17 @@ class Tuning:
         Raises:
             DescriptionError: one line that names the key, its value and what is allowed.
         """
-        if self.budget < self.tuner.population:
+        if not self.tuner.population <= self.budget <= BUDGET_MAX:
             raise DescriptionError(
                 f"budget={self.budget}: must be at least {self.tuner.population}, the first population of "
-                f"tuner={self.tuner_name}"
+                f"tuner={self.tuner_name}, and at most {BUDGET_MAX}"
             )
         space = space_of(self.dimensions, self.repair)
         if space.start is not None:
             try:
                 space.repair(space.start[None, :])
             except ValueError as error:
-                raise DescriptionError(f"controller.{error}") from None
+                raise DescriptionError(str(error)) from None
 
     def key(self) -> TuningKey:
         """Return what results know of this tuning."""
@@ -213,7 +214,7 @@ def run_tuning(
         progress: called after each generation with the number of evaluations and the least cost so far.
 
     Raises:
-        ValueError: a cost is not finite.
+        ValueError: a cost is not finite, or a repair leads out of the bounds.
     """
     rng = np.random.default_rng(np.random.SeedSequence([tuning.seed]))
     evaluations: list[Evaluation] = []

@@ -220,9 +220,9 @@ def _repaired(sides: Sequence[Side], values: Sequence[float], repair: Repair) ->
         for side in sides:
             side.unit_at(new[side.name])
     except ValueError as error:
-        raise ValueError(f"repair: {error}") from None
+        raise ValueError(f"controller.repair: {error}") from None
     except Exception as error:  # a user's repair may raise anything
-        raise ValueError(f"repair: {type(error).__name__}: {error}") from None
+        raise ValueError(f"controller.repair: {type(error).__name__}: {error}") from None
     return [new[name] for name in names]
 
 
