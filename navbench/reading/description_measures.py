@@ -41,6 +41,14 @@ def described_total(reading: Reading, table: str, column: str) -> Measured | Non
     return Measured(float(values.sum()), float(values.sum()), float(values.sum()), len(values))
 
 
+def described_count(reading: Reading, table: str, where: Select) -> Measured | None:
+    """Return how many rows of a described table match, a value for each column; its n is how many there are."""
+    rows = matching = _column(reading, table, next(iter(where)))
+    for name, value in where.items():
+        matching = matching[_column(reading, table, name).loc[matching.index, name] == value]
+    return Measured(float(len(matching)), float(len(matching)), float(len(matching)), len(rows))
+
+
 def described_ratio(reading: Reading, table: str, column: str, where: Select, over: Select) -> Measured | None:
     """Return the value of a described table in one row over that in another one; arguments as ``described_value``."""
     value = _one(reading, table, column, where) / _one(reading, table, column, over)
@@ -216,6 +224,7 @@ def _one(reading: Reading, table: str, column: str, where: Select) -> float:
 MEASURES = (
     described_value,
     described_total,
+    described_count,
     described_ratio,
     described_is_less,
     share_falling,

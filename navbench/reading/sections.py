@@ -13,9 +13,11 @@ from typing import Any
 from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
+from navbench.reading.described import counts, surface_2d
 from navbench.reading.evolution import evolution, gains
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
+from navbench.reading.robustness import robustness
 from navbench.reading.run_figures import spells_on_the_way, time_series
 from navbench.reading.stored import Reading
 from navbench.reading.study_figures import memberships, phases, surface, trajectories, velocities
@@ -45,6 +47,9 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         fair_comparison,
         sources,
         errata,
+        surface_2d,
+        counts,
+        robustness,
     )
 }
 OWN = ("name", "title", "text")  # the keys that every section has
