@@ -79,6 +79,11 @@ def sflc_runner() -> EpisodeRunner:
     return compose_cell("controller=sflc", "world=deadlock").runner()
 
 
+def swap_runner() -> EpisodeRunner:
+    """Return episodes of oa_to on 50 robots that swap their places on a circle: 16 rays each."""
+    return compose_cell("controller=oa_to", "world=swap_circle", "world.layout.swap.robots=50").runner()
+
+
 def bare_loop(runner: EpisodeRunner) -> Callable[[], int]:
     """Return the bare loop over the poses of one of the runner's episodes; it returns its control steps."""
     records = runner.run(0)
@@ -141,5 +146,6 @@ def compare(name: str, make: Callable[[], EpisodeRunner]) -> None:
 
 if __name__ == "__main__":
     compare("1_robot", sflc_runner)
+    compare("swap_circle_50", swap_runner)
     for count in (1, 3, 50):
         compare(f"rule_{count}", lambda count=count: rule_runner(count))  # type: ignore[misc]

@@ -9,6 +9,7 @@ import pytest
 from stored import a_cell, a_record, store
 
 from navbench.descriptions.record import RobotRecord
+from navbench.experiments.store import Results
 from navbench.reading.claims import Measured
 from navbench.reading.described import counts, surface_2d
 from navbench.reading.measures import measure
@@ -34,6 +35,20 @@ HERE, THERE = {"label": "A"}, {"label": "B"}
 def episode(clearance_m: float, contacts: int = 0, outcome: str = "reached", **changes: Any) -> RobotRecord:
     record = a_record(outcome, **changes)
     return record._replace(metrics=record.metrics._replace(min_clearance_m=clearance_m, collisions=contacts))
+
+
+def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Reading:
+    """Return stored episodes of several robots, by their controller's label."""
+    results = Results(path)
+    cells = {label: a_cell(label) for label in fleets}
+    results.begin(list(cells.values()), [], None)
+    for label, episodes in fleets.items():
+        rows = [
+            (i, robot._replace(robot_index=k)) for i, robots in enumerate(episodes) for k, robot in enumerate(robots)
+        ]
+        results.write_batch(cells[label].key, range(len(episodes)), rows)
+    results.end()
+    return Reading(results)
 
 
 @pytest.fixture
@@ -80,10 +95,7 @@ def test_described_rows_are_counted(reading: Reading) -> None:
 
 
 def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path) -> None:
-    one = [episode(0.3)._replace(robot_index=0), episode(0.2, 1)._replace(robot_index=1)]
-    two = [episode(0.3)._replace(robot_index=0), episode(0.2)._replace(robot_index=1)]
-    cells: Any = [(a_cell("A"), [one, two]), (a_cell("B"), [two, one])]
-    fleets = store(tmp_path, cells)
+    fleets = store_fleets(tmp_path, {"A": [[episode(0.3), episode(0.2, 1)], [episode(0.3), episode(0.2)]]})
     found = measure(fleets, "share_of_fleets_free", {"select": HERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 2)
@@ -93,10 +105,8 @@ def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(readi
     found = measure(reading, "share_of_fleets_clearer", {"select": HERE, "than": THERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 4)  # 0.4 > 0.2, 0.1 < 0.2, 0.3 = 0.3, -0.01 > -0.02
-    near = [episode(0.9)._replace(robot_index=0), episode(0.1)._replace(robot_index=1)]
-    even = [episode(0.2)._replace(robot_index=i) for i in (0, 1)]
-    cells: Any = [(a_cell("A"), [near]), (a_cell("B"), [even])]
-    found = measure(store(tmp_path / "two", cells), "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+    fleets = {"A": [[episode(0.9), episode(0.1)]], "B": [[episode(0.2), episode(0.2)]]}
+    found = measure(store_fleets(tmp_path / "two", fleets), "share_of_fleets_clearer", {"select": HERE, "than": THERE})
     assert found is not None
     assert (found.value, found.n) == (0.0, 1)
 

@@ -92,6 +92,17 @@ REPORT: list[dict[str, Any]] = [
     },
     {"name": "sources", "file": "sources"},
     {"name": "errata", "items": [{"where": "eq. 1", "printed": "a | b", "here": "c"}]},
+    {
+        "name": "surface_2d",
+        "file": "surface_2d",
+        "caption": "Surface.",
+        "table": "dual_layer-danger",
+        "x": "eta_t",
+        "y": "eta_d",
+        "value": "DDC",
+    },
+    {"name": "counts", "file": "counts", "table": "sflc-rules", "by": ["turn"]},
+    {"name": "robustness", "file": "robustness", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
 ]
 STUDY: dict[str, Any] = {
     "name": "smoke",
@@ -127,6 +138,7 @@ def smoke(path: Path) -> Reading:
             "degree": [0.0, 1.0, 0.0],
         },
         "sflc-rules": {"heading_error": ["Z"], "speed": ["L"], "turn": ["Z"]},
+        "dual_layer-danger": {"eta_d": [0.0, 0.0, 4.0, 4.0], "eta_t": [0.0, 6.0] * 2, "DDC": [1.0, 1.0, 1.0, 0.0]},
         "sflc-surface": {"phi_rad": [-1.0, 0.0, 1.0], "v_mps": [0.1, 0.2, 0.1], "w_radps": [-1.0, 0.0, 1.0]},
     }
     return store(path, cells, STUDY, costs, descriptions)

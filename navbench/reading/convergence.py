@@ -17,7 +17,9 @@ NO_PARAMETERS = ("tuning_id", "name", "tuner", "seed", "evaluation", "cost", "re
 PARAMETERS_SHOWN_MAX = 8  # of more, as of a whole rule table, a table shows nothing; the evaluations hold them all
 
 
-def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str]) -> str:
+def tuners_compared(
+    reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str], unit: str
+) -> str:
     """Return how tuners fell over an equal budget and what they found, over their seeds.
 
     Args:
@@ -26,6 +28,7 @@ def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tun
         file: the files' name.
         caption: what the figure shows.
         tunings: the name of each tuning and what it is called, as are the cells that take its best.
+        unit: of the cost.
     """
     import pandas as pd
 
@@ -54,7 +57,7 @@ def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tun
     entries = kept.to_numpy(dtype=object).tolist()
     told = [[f"{x:.6g}" if isinstance(x, float) else str(x) for x in entry] for entry in entries]
     save_table(out, f"{file}_best", kept, list(kept.columns), told)
-    figure = _convergence(reading, rows, out, file, caption, tunings)
+    figure = _convergence(reading, rows, out, file, caption, tunings, unit)
     test = (
         f"Median [range] over the seeds. Friedman's test over {ranking.n} seeds: chi-square {ranking.statistic:.2f}, "
         f"p = {ranking.p_value:.2g}; the mean rank is 1 for the least cost. "
@@ -64,7 +67,7 @@ def tuners_compared(reading: Reading, out: Path, *, file: str, caption: str, tun
 
 
 def _convergence(
-    reading: Reading, rows: "pd.DataFrame", out: Path, stem: str, caption: str, tunings: Mapping[str, str]
+    reading: Reading, rows: "pd.DataFrame", out: Path, stem: str, caption: str, tunings: Mapping[str, str], unit: str
 ) -> str:
     """Return the figure of the least cost so far over the evaluations, all of it and near its end."""
     style = styles(reading.labels)
@@ -81,7 +84,7 @@ def _convergence(
     spread = max(max(final) - least, 1e-6)
     axes[0, 1].set(ylim=(least - 0.1 * spread, least + 3.0 * spread), title="near the end")
     for ax in axes.ravel():
-        ax.set(xlabel="evaluations", ylabel="least cost so far [rad² s]")
+        ax.set(xlabel="evaluations", ylabel=f"least cost so far [{unit}]")
         ax.grid(alpha=0.3)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, handlelength=4.0)

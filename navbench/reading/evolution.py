@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,14 @@ from navbench.reading.figures import PALETTE, new_figure, save_figure
 from navbench.reading.markup import MISSING, number, save_table
 from navbench.reading.measures import RESAMPLING_SEED
 from navbench.reading.stored import Reading, outcomes
+from navbench.reading.study_tables import description
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FIRST = "first population"
+LEGEND_COLUMNS = 4
 
 
 def evolution(
@@ -30,6 +38,7 @@ def evolution(
     import pandas as pd
 
     rows = reading.evaluations
+    columns = min(columns, len(tunings))
     figure, axes = new_figure(-(-len(tunings) // columns), columns, 4.6, 2.9)
     raw, printed = [], []
     for ax, (name, title) in zip(axes.ravel(), tunings.items(), strict=False):
@@ -41,6 +50,8 @@ def evolution(
                 best,
                 where="post",
                 color=PALETTE[seed % len(PALETTE)],
+                linestyle="-" if seed < len(PALETTE) else "--",
+                linewidth=1.2,
                 label=f"seed {seed}",
             )
             start, mutant, least = float(best[0]), float(costs.iloc[1:first].min()), float(best[-1])
@@ -48,19 +59,46 @@ def evolution(
             raw.append([title, seed, len(best), start, mutant, least, *gains])
             words = [number(value, 2) for value in (start, mutant, least)] + [number(value, 1) for value in gains]
             printed.append([title, str(seed), str(len(best)), *words])
-        ax.axvline(first, color="#888888", linewidth=0.8, linestyle=":")
+        ax.axvline(first, color="#888888", linewidth=0.8, linestyle=":", label=FIRST)
         ax.set(title=title, xlabel="evaluations", ylabel="least cost so far")
         ax.grid(alpha=0.3)
     for ax in axes.ravel()[len(tunings) :]:
         ax.set_axis_off()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=max(1, len(labels)), frameon=False)
+    _add_legend(figure, axes.ravel().tolist())
     names = ["tuning", "seed", "evaluations", "unevolved_cost", "best_first_mutant_cost", "least_cost"]
     names += ["mutant_gain_percent", "evolved_gain_percent"]
     headers = ["tuning", "seed", "evaluations", "un-evolved cost", f"best of {first - 1} mutants", "least cost"]
     headers += ["gain of the mutant [%]", "gain of evolution [%]"]
     table = save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
     return f"{save_figure(figure, out, file, caption)}\n{table}"
+
+
+def rules_compared(reading: Reading, out: Path, *, file: str, tables: Mapping[str, str]) -> str:
+    """Return rule bases that controllers offer of themselves, side by side; what differs from the first has a star.
+
+    Args:
+        reading: the study's results.
+        out: the report's directory.
+        file: the files' name.
+        tables: what each rule base is called, and the name of its described table; all have the same inputs, in the
+            same order, and the outputs last.
+    """
+    found = {title: description(reading, table) for title, table in tables.items()}
+    first = next(iter(found.values()))
+    inputs = [name for name in first.columns if all((table[name] == first[name]).all() for table in found.values())]
+    outputs = [name for name in first.columns if name not in inputs]
+    whole = first[inputs].copy()
+    for output in outputs:
+        for title, table in found.items():
+            whole[f"{output}: {title}"] = table[output]
+    rows = []
+    for i, line in enumerate(whole.astype(str).to_numpy().tolist()):
+        old = [str(first[output].iloc[i]) for output in outputs for _ in found]
+        rows.append(
+            line[: len(inputs)]
+            + [word if word == before else f"{word}*" for word, before in zip(line[len(inputs) :], old, strict=True)]
+        )
+    return save_table(out, file, whole, list(whole.columns), rows)
 
 
 def gains(
@@ -111,6 +149,21 @@ def gains(
     headers = ["", "reached", "of the other", "difference", "length: printed [%]", "here [%]"]
     headers += ["time: printed [%]", "here [%]"]
     return save_table(out, file, pd.DataFrame(raw, columns=names), headers, told)
+
+
+def _add_legend(figure: "Figure", axes: "Sequence[Axes]") -> None:
+    """Explain every seed that any panel holds, once, and last the dotted line."""
+    found = [pair for ax in axes for pair in zip(*ax.get_legend_handles_labels(), strict=True)]
+    handles = {label: handle for handle, label in found}
+    line = handles.pop(FIRST)
+    names = sorted(handles, key=lambda label: int(label.split()[-1]))
+    figure.legend(
+        [*(handles[name] for name in names), line],
+        [*names, FIRST],
+        loc="outside lower center",
+        ncols=min(len(names) + 1, LEGEND_COLUMNS),
+        frameon=False,
+    )
 
 
 def _median(values: Any) -> tuple[float, float, float]:

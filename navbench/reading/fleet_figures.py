@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Select = Mapping[str, Any]
+WIDTH_INCHES, TITLE_INCHES = 2.5, 0.35  # of a frame
 FRAMES = 10  # where no times are given, so many, evenly from the beginning to the end
 
 
@@ -51,7 +52,9 @@ def frames(
     robot = describe(Robot, reading.configuration(rows[0]["run_id"])["configuration"]["robot"], "robot")
     end_s = max(float(way["t_s"].iloc[-1]) for way in ways)
     times = list(times_s) or np.linspace(0.0, end_s, FRAMES).tolist()
-    figure, axes = new_figure(-(-len(times) // columns), columns, 2.5, 2.6, sharex=True, sharey=True)
+    columns, b = min(columns, len(times)), world.bounds
+    height = TITLE_INCHES + WIDTH_INCHES * min((b.y_max_m - b.y_min_m) / (b.x_max_m - b.x_min_m), 2.0)
+    figure, axes = new_figure(-(-len(times) // columns), columns, WIDTH_INCHES, height, sharex=True, sharey=True)
     for i, (ax, t_s) in enumerate(zip(axes.ravel(), times, strict=False)):
         draw_world(ax, world, t_s)
         for way, color in zip(ways, _colours(len(ways)), strict=True):
@@ -65,6 +68,10 @@ def frames(
         ax.set_title(f"{string.ascii_lowercase[i % 26]}) {t_s:.1f} s", fontsize=10)
     for ax in axes.ravel()[len(times) :]:
         ax.set_axis_off()
+    for ax in axes.ravel()[len(times) - columns : len(times)]:
+        ax.tick_params(labelbottom=True)  # nothing stands below these
+    figure.supxlabel("x [m]", fontsize=10)
+    figure.supylabel("y [m]", fontsize=10)
     return save_figure(figure, out, file, caption)
 
 
@@ -98,6 +105,7 @@ def wheel_velocities(
             ax.set_axis_off()
         column[0].set_title(title)
         column[len(rows) - 1].set_xlabel("t [s]")
+        column[len(rows) - 1].tick_params(labelbottom=True)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return save_figure(figure, out, file, caption)
@@ -144,7 +152,8 @@ def fleet_table(
 
 
 def _colours(robots: int) -> list[str]:
-    return [PALETTE[i % len(PALETTE)] for i in range(robots)]
+    colours = (PALETTE[0], *PALETTE[2:])  # the second is nearly the movers'
+    return [colours[i % len(colours)] for i in range(robots)]
 
 
 def _spans(way: "pd.DataFrame", column: str) -> Iterator[tuple[float, float]]:

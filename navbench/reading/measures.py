@@ -164,6 +164,11 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
     return Measured.of(restricted_mean_difference(times_s[0], here, times_s[1], there, limits_s.pop(), rng))
 
 
+def not_comparable(reading: Reading) -> Measured | None:
+    """Return nothing: for a claim that compares what cannot be compared, as its statement says."""
+    return None
+
+
 def median_decrease(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
     """Return by how much a metric is less than another controller's, in percent: the median pair's, with the range.
 
@@ -248,6 +253,7 @@ MEASURES: Mapping[str, Callable[..., Measured | None]] = {
         share_in_phases,
         difference_in_reached,
         difference_in_time,
+        not_comparable,
         median_decrease,
         least_cost,
         share_at_bound,

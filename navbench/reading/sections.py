@@ -14,7 +14,7 @@ from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
 from navbench.reading.described import counts, surface_2d
-from navbench.reading.evolution import evolution, gains
+from navbench.reading.evolution import evolution, gains, rules_compared
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
 from navbench.reading.robustness import robustness
@@ -39,6 +39,7 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         tuners_compared,
         evolution,
         gains,
+        rules_compared,
         frames,
         wheel_velocities,
         fleet_table,
