@@ -1,5 +1,6 @@
 """Small results directories with made-up records, which the tests of the reading floor share."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from navbench.mathematics.metrics import Metrics
 from navbench.reading.stored import Reading
 
 FloatArray = NDArray[np.float64]
+Fleet = list[RobotRecord]
 
 LIMIT_S = 60.0
 TRACE = ("behavior", "heading_error_rad", "goal_distance_m", "at_obstacle", "stalled")
@@ -25,6 +27,26 @@ WORLD = {
     "time_limit_s": LIMIT_S,
 }
 ROBOT = {"radius_m": 0.1, "track_m": 0.15, "wheel_speed_max_mps": 0.5, "wheel_accel_max_mps2": None}
+CROSSING: dict[str, Any] = {  # two robots change places among what is drawn anew for each episode
+    "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
+    "layout": {
+        "gap_m": 0.5,
+        "discs": {"count": [2, 3], "radius_m": [0.4, 0.8]},
+        "polygons": {"count": [1, 2], "radius_m": [0.5, 0.9], "corners": [3, 6]},
+        "movers": {
+            "count": [2, 3],
+            "radius_m": [0.3, 0.6],
+            "speed_mps": [0.2, 0.8],
+            "leg_m": [2.0, 8.0],
+            "polygon_share": 0.5,
+            "corners": [3, 5],
+        },
+    },
+    "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
+    "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
+    "goal_tolerance_m": 0.2,
+    "time_limit_s": LIMIT_S,
+}
 SOURCES = {
     "controller": {"build.kp": {"public": "a course"}, "build.gain": {"assumed": "why", "range": [0.5, 2.0]}},
     "world": {"boxes": {"fitted": "Fig 1"}},
@@ -44,14 +66,53 @@ def a_record(outcome: Any = "reached", time_s: float = 10.0, length_m: float = 3
     return record._replace(**changes)
 
 
+def a_drive(
+    v_mps: Sequence[float],
+    outcome: Any = "reached",
+    index: int = 0,
+    reason: str = "",
+    places: Sequence[tuple[float, float]] | None = None,
+    contacts: tuple[int, int, int] = (0, 0, 0),
+    time_s: float | None = None,
+    **trace: Sequence[float],
+) -> RobotRecord:
+    """Return what one robot of a fleet did in control periods of 1 s, at rest at its start unless told otherwise.
+
+    Args:
+        v_mps: its speed in each period; as in a run, the last one is repeated at the end, where no trace is left.
+        outcome: how it ended.
+        index: which robot.
+        reason: what it hit.
+        places: where it was at the beginning of each period and at the end.
+        contacts: all its contacts, those with robots, and those while it stood.
+        time_s: when it ended; without it, after the last period.
+        trace: what its controller traced, a value a period.
+    """
+    count = len(v_mps)
+    states = np.zeros((count + 1, 6))
+    states[:, 0] = np.arange(count + 1.0)
+    states[:, 1:3] = np.zeros((count + 1, 2)) if places is None else np.array(places)
+    states[:, 4] = [*v_mps, v_mps[-1]]
+    traces = np.array([[*values, math.nan] for values in trace.values()]).reshape(len(trace), count + 1).T
+    end_s = float(count) if time_s is None else time_s
+    metrics = Metrics(1.0, end_s, contacts[0], 0.1, 1.0 / end_s, 1.0, 0.5, 2, *contacts[1:], 0.0)
+    return RobotRecord(index, outcome, reason, metrics, states, traces, tuple(trace), np.full(count, 1e-5))
+
+
 def a_cell(
-    label: str = "A", world: str = "plain", name: str = "printed", tuning: str = "", seed: int = -1, **build: Any
+    label: str = "A",
+    world: str = "plain",
+    name: str = "printed",
+    tuning: str = "",
+    seed: int = -1,
+    scene: Mapping[str, Any] = WORLD,
+    **build: Any,
 ) -> StudyCell:
-    """Return a study's cell; what differs makes its run_id."""
+    """Return a study's cell in a world of this configuration; what else differs makes its run_id."""
     run_id = f"{label}-{world}-{name}-{seed}".replace(" ", "").lower()
     configuration = {
         "controller": {"build": {"_target_": "somewhere.Pid", "kp": 5.0, "gain": 1.0, **build}},
-        "world": WORLD,
+        "world": scene,
         "robot": ROBOT,
         "sensors": {},
         "simulator": {},
@@ -72,7 +133,7 @@ def a_tuning(name: str, seed: int) -> TuningKey:
 
 def store(
     path: Path,
-    cells: Sequence[tuple[StudyCell, Sequence[RobotRecord]]],
+    cells: Sequence[tuple[StudyCell, Sequence[RobotRecord | Fleet]]],
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
@@ -81,7 +142,7 @@ def store(
 
     Args:
         path: the directory.
-        cells: each cell with a record an episode.
+        cells: each cell with a record an episode, or with the records of an episode's robots.
         study: the study's name, title, claims and report.
         costs: of each tuning, by name and seed, the cost of each evaluation; the values of kp rise from 1 by 3.
         descriptions: named tables.
@@ -90,7 +151,9 @@ def store(
     tunings = [a_tuning(name, seed) for name, seed in costs or {}]
     results.begin([cell for cell, _ in cells], tunings, study)
     for cell, records in cells:
-        results.write_batch(cell.key, range(len(records)), list(enumerate(records)))
+        fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
+        pairs = [(episode, record) for episode, fleet in enumerate(fleets) for record in fleet]
+        results.write_batch(cell.key, range(len(records)), pairs)
     for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
         columns = {
             "evaluation": list(range(len(values))),

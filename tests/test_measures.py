@@ -135,12 +135,42 @@ def test_a_start_that_one_side_met_twice_is_refused(tmp_path: Path) -> None:
         measure(reading, "difference_in_time", {"select": {"label": "A"}, "than": {"label": "B"}})
 
 
+def test_a_decrease_is_the_median_pairs_in_percent_of_the_other_and_negative_for_an_increase(tmp_path: Path) -> None:
+    reading = reading_of(
+        tmp_path,
+        A=[a_record(time_s=9.0), a_record(time_s=15.0), a_record(time_s=6.0), a_record("collided", 1.0), a_record()],
+        B=[
+            a_record(time_s=10.0),
+            a_record(time_s=10.0),
+            a_record(time_s=10.0),
+            a_record(),
+            a_record("timed_out", 60.0),
+        ],
+    )
+    found = value_of(reading, "median_decrease", metric="time_s", select={"label": "A"}, than={"label": "B"})
+    assert found == pytest.approx((10.0, -50.0, 40.0, 3))
+
+
+def test_a_decrease_counts_each_tuning_and_is_nothing_where_never_both_reached(tmp_path: Path) -> None:
+    tuned = [(a_cell("A", tuning="pso", seed=seed), [a_record(time_s=8.0 - seed)]) for seed in (0, 1, 2)]
+    reading = store(tmp_path, [*tuned, (a_cell("B"), [a_record(time_s=10.0)]), (a_cell("C"), [a_record("collided")])])
+    arguments = {"metric": "time_s", "select": {"label": "A"}}
+    found = value_of(reading, "median_decrease", **arguments, than={"label": "B"})
+    assert found == pytest.approx((30.0, 20.0, 40.0, 3))
+    assert measure(reading, "median_decrease", {**arguments, "than": {"label": "C"}}) is None
+
+
 def test_tunings_are_summed_up_over_their_seeds(tmp_path: Path) -> None:
     costs = {("pso", 0): [3.0, 2.0, 2.5, 4.0], ("pso", 1): [5.0, 4.0, 3.0, 1.0], ("fa", 0): [9.0, 9.0, 9.0, 8.0]}
     reading = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)
     assert value_of(reading, "least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
     found = value_of(reading, "share_at_bound", parameter="kp", tunings=["pso", "fa"])  # the best kp: 4, 10, 10
     assert (found.value, found.n) == pytest.approx((2 / 3, 3))
+
+
+def test_what_cannot_be_compared_is_not_testable(tmp_path: Path) -> None:
+    check_measure("measure", {"name": "not_comparable"})
+    assert measure(reading_of(tmp_path, A=[a_record()]), "not_comparable", {}) is None
 
 
 def test_a_selection_that_matches_nothing_is_an_error(tmp_path: Path) -> None:

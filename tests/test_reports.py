@@ -4,16 +4,18 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from stored import LIMIT_S, a_cell, a_record, store
+from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store
 
 from navbench.controllers.sflc import RULES, Sflc
 from navbench.descriptions.description import DescriptionError
+from navbench.descriptions.record import RobotRecord, StudyCell
 from navbench.experiments.store import Results
 from navbench.reading.claims import Measured
 from navbench.reading.comparison import fair_comparison
@@ -74,13 +76,79 @@ REPORT: list[dict[str, Any]] = [
         "axes": {"heading_error": {"title": "error [rad]", "low": -1.0, "high": 1.0}},
     },
     {"name": "rules", "file": "rules", "table": "sflc-rules"},
+    {"name": "counts", "file": "counts", "table": "sflc-rules", "by": ["turn"]},
     {"name": "surface", "file": "surface", "caption": "Surface.", "table": "sflc-surface"},
+    {
+        "name": "surface_2d",
+        "file": "surface_2d",
+        "caption": "Surface.",
+        "table": "dual_layer-danger",
+        "x": "eta_t",
+        "y": "eta_d",
+        "value": "DDC",
+    },
     {
         "name": "tuners_compared",
         "file": "tuners",
         "caption": "Tuners.",
+        "unit": "rad^2 s",
         "tunings": {"pso": "PID", "fa": "F", "de": "P"},
     },
+    {
+        "name": "evolution",
+        "file": "evolution",
+        "caption": "Evolution.",
+        "tunings": {"pso": "PID", "fa": "F", "de": "P"},
+        "first": 3,
+    },
+    {
+        "name": "gains",
+        "file": "gains",
+        "rows": {
+            "one world": {"select": {"name": "printed", "label": "F"}, "than": {"name": "printed", "label": "PID"}},
+            "fair": {"select": {"name": "fair", "label": "F"}, "than": {"name": "fair", "label": "PID"}},
+        },
+        "printed": {"one world": [None, 20.0]},
+    },
+    {"name": "rules_compared", "file": "rules_both", "tables": {"printed": "sflc-rules", "evolved": "evolved-rules"}},
+    {
+        "name": "frames",
+        "file": "frames",
+        "caption": "Frames.",
+        "select": {"name": "fleet", "label": "F", "episode": 1},
+        "times_s": [0.0, 3.0, 9.0],
+    },
+    {
+        "name": "wheel_velocities",
+        "file": "wheels",
+        "caption": "Wheels.",
+        "panels": {"first": {"name": "fleet", "episode": 0}, "second": {"name": "fleet", "episode": 1}},
+        "active": "at_obstacle",
+    },
+    {
+        "name": "fleet_table",
+        "file": "fleets",
+        "select": {"name": "fleet"},
+        "worlds": {"Crossing": "crossing"},
+        "labels": ["F"],
+    },
+    {
+        "name": "time_series",
+        "file": "series",
+        "caption": "Series.",
+        "panels": {"F": {"name": "printed", "label": "F"}, "PID": {"name": "printed", "label": "PID"}},
+        "series": {"speed [m/s]": {"v_mps": "v"}, "[degrees], [m]": {"heading_error_rad": "e", "goal_distance_m": "d"}},
+    },
+    {
+        "name": "spells_on_the_way",
+        "file": "spells",
+        "caption": "Spells.",
+        "select": {"name": "fleet", "episode": 1},
+        "column": "at_obstacle",
+        "values": {"free": 0.0, "at an obstacle": 1.0},
+        "least_periods": 1,
+    },
+    {"name": "robustness", "file": "robustness", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
     {
         "name": "fair_comparison",
         "file": "fair",
@@ -92,17 +160,6 @@ REPORT: list[dict[str, Any]] = [
     },
     {"name": "sources", "file": "sources"},
     {"name": "errata", "items": [{"where": "eq. 1", "printed": "a | b", "here": "c"}]},
-    {
-        "name": "surface_2d",
-        "file": "surface_2d",
-        "caption": "Surface.",
-        "table": "dual_layer-danger",
-        "x": "eta_t",
-        "y": "eta_d",
-        "value": "DDC",
-    },
-    {"name": "counts", "file": "counts", "table": "sflc-rules", "by": ["turn"]},
-    {"name": "robustness", "file": "robustness", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
 ]
 STUDY: dict[str, Any] = {
     "name": "smoke",
@@ -113,10 +170,26 @@ STUDY: dict[str, Any] = {
 }
 
 
+def a_crossing(periods: int) -> Fleet:
+    """Return two robots that pass each other on the left, the second twice as slowly and not to its end."""
+    fleet = []
+    for i, (begin, step) in enumerate(((1.0, 18.0 / periods), (19.0, -9.0 / periods))):
+        k = np.arange(periods + 1)
+        places = np.column_stack([begin + step * k, 5.0 + (0.5 - i) * np.sin(math.pi * k / periods)])
+        v_mps, at_obstacle = [abs(step)] * periods, (abs(k - periods / 2) < 2.0)[:-1].astype(float).tolist()
+        record = a_drive(
+            v_mps, ("reached", "timed_out")[i], i, places=places.tolist(), at_obstacle=at_obstacle, behavior=at_obstacle
+        )
+        record.states[:, 3] = math.pi * i
+        record.states[:, 5] = 0.4 * np.cos(math.pi * k / periods)
+        fleet.append(record)
+    return fleet
+
+
 def smoke(path: Path) -> Reading:
     """Return a small study with everything that the sections ask for."""
     rng = np.random.default_rng(3)
-    cells = []
+    cells: list[tuple[StudyCell, Sequence[RobotRecord | Fleet]]] = []
     for world in WORLDS.values():
         cells.append((a_cell("F", world), [a_record(time_s=10.0)]))
         cells += [
@@ -129,6 +202,7 @@ def smoke(path: Path) -> Reading:
                 for i in range(8)
             ]
             cells.append((a_cell(label, world, "fair"), records))
+    cells.append((a_cell("F", "crossing", "fleet", scene=CROSSING), [a_crossing(9), a_crossing(12)]))
     costs = {(name, seed): rng.uniform(1.0, 2.0, 6).tolist() for name in ("pso", "fa", "de") for seed in range(3)}
     descriptions: dict[str, dict[str, Any]] = {
         "sflc-memberships": {
@@ -137,7 +211,8 @@ def smoke(path: Path) -> Reading:
             "x": [-0.5, 0.0, 0.5],
             "degree": [0.0, 1.0, 0.0],
         },
-        "sflc-rules": {"heading_error": ["Z"], "speed": ["L"], "turn": ["Z"]},
+        "sflc-rules": {"heading_error": ["Z", "P"], "speed": ["L", "S"], "turn": ["Z", "P"]},
+        "evolved-rules": {"heading_error": ["Z", "P"], "speed": ["L", "L"], "turn": ["Z", "P"]},
         "dual_layer-danger": {"eta_d": [0.0, 0.0, 4.0, 4.0], "eta_t": [0.0, 6.0] * 2, "DDC": [1.0, 1.0, 1.0, 0.0]},
         "sflc-surface": {"phi_rad": [-1.0, 0.0, 1.0], "v_mps": [0.1, 0.2, 0.1], "w_radps": [-1.0, 0.0, 1.0]},
     }
@@ -150,10 +225,14 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Reading:
 
 
 @pytest.fixture(scope="module")
-def written(stored: Reading, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("report")
-    write_report([stored.results], out)
-    return out
+def files(stored: Reading, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The small study's report, which takes seconds: what it says that it wrote."""
+    return write_report([stored.results], tmp_path_factory.mktemp("report"))
+
+
+@pytest.fixture(scope="module")
+def written(files: list[Path]) -> Path:
+    return next(file.parent for file in files if file.name == "report.md")
 
 
 def bytes_of(out: Path) -> dict[str, bytes]:
@@ -175,10 +254,9 @@ def test_every_section_runs_and_links_only_to_what_it_wrote(name: str, stored: R
     assert linked == set(bytes_of(tmp_path))
 
 
-def test_a_report_lists_its_files_and_holds_title_summary_and_making(stored: Reading, tmp_path: Path) -> None:
-    files = write_report([stored.results], tmp_path)
-    assert sorted(str(file.relative_to(tmp_path)) for file in files) == sorted(bytes_of(tmp_path))
-    text = (tmp_path / "report.md").read_text()
+def test_a_report_lists_its_files_and_holds_title_summary_and_making(files: list[Path], written: Path) -> None:
+    assert sorted(str(file.relative_to(written)) for file in files) == sorted(bytes_of(written))
+    text = (written / "report.md").read_text()
     assert text.startswith("# A smoke study\n\nIt is small.\n\n## The findings")
     assert "`navbench study smoke`" in text
     assert "seeds 0 to 2" in text
@@ -338,6 +416,14 @@ def test_an_argument_with_a_default_may_be_left_out() -> None:
     )
 
 
+def test_rules_that_differ_from_the_first_ones_have_a_star(stored: Reading, tmp_path: Path) -> None:
+    tables = {"printed": "sflc-rules", "evolved": "evolved-rules"}
+    text = SECTIONS["rules_compared"](stored, tmp_path, file="r", tables=tables)
+    assert "| heading_error | turn | speed: printed | speed: evolved |" in text
+    assert "| Z | Z | L | L |" in text
+    assert "| P | P | S | L* |" in text
+
+
 def test_a_missing_description_is_named(stored: Reading, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"'zhao-surface'.*sflc-surface"):
         SECTIONS["surface"](stored, tmp_path, file="s", caption="c", table="zhao-surface")
@@ -361,9 +447,11 @@ def test_runs_without_a_study_get_a_table_and_their_trajectories(tmp_path: Path)
     assert pd.read_csv(tmp_path / "out/tables/summary.csv")["time_s"].tolist() == [10.0, 10.0]
 
 
-def test_several_reports_stand_in_folders_and_are_linked(stored: Reading, tmp_path: Path) -> None:
-    run = store(tmp_path / "run", [(a_cell("F", name="run"), [a_record()])]).results
-    files = write_report([stored.results, run], tmp_path / "out")
+def test_several_reports_stand_in_folders_and_are_linked(tmp_path: Path) -> None:
+    cell = (a_cell("F", name="run"), [a_record()])
+    study = store(tmp_path / "study", [cell], {**STUDY, "claims": [], "report": STUDY["report"][-1:]}).results
+    run = store(tmp_path / "run", [cell]).results
+    files = write_report([study, run], tmp_path / "out")
     assert tmp_path / "out/smoke/report.md" in files
     assert "(smoke/report.md)" in (tmp_path / "out/report.md").read_text()
 

@@ -5,13 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import a_world, to_and_fro
+from test_simulator import Shard
 
 from navbench.descriptions.description import DescriptionError, describe
-from navbench.descriptions.obstacles import Box, Disc, Point, Wall
+from navbench.descriptions.obstacles import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
 from navbench.descriptions.world import Start, World
+from navbench.mathematics.geometry import box_distance, distance_to_nearest, polygon_distance
 
 PLAIN: dict[str, Any] = {
     "name": "plain",
@@ -238,3 +240,108 @@ def test_several_movers_and_discs_keep_their_order() -> None:
     assert world.disc_rows(1.0) == pytest.approx(
         np.array([[7, 8, 0.9, 0, 0], [0, 1, 0.1, 0, 1], [1, 2, 0.2, 0, 2], [2, 3, 0.3, 0, 3]], dtype=float)
     )
+
+
+# --- polygons ---
+
+
+def points(*corners: tuple[float, float] | complex) -> tuple[Point, ...]:
+    numbers = [corner if isinstance(corner, complex) else complex(*corner) for corner in corners]
+    return tuple(Point(x_m=corner.real, y_m=corner.imag) for corner in numbers)
+
+
+def a_shard(rng: np.random.Generator, count: int) -> Shard:
+    """Return a convex polygon on an ellipse, anywhere and turned anyhow: it need not hold its ellipse's centre."""
+    turns = np.sort(rng.uniform(0.0, math.tau, count))
+    along, across = 10.0 ** rng.uniform(-1.0, 0.5, 2)
+    tilt, centre = np.exp(1j * rng.uniform(0.0, math.tau)), complex(*rng.uniform(-2.0, 2.0, 2))
+    return Shard(tuple((centre + tilt * (along * np.cos(turns) + 1j * across * np.sin(turns))).tolist()))
+
+
+def test_the_distance_to_a_polygon_is_that_to_its_nearest_edge_and_negative_inside() -> None:
+    rng = np.random.default_rng(5)
+    inside = 0
+    for _ in range(500):
+        shards = [a_shard(rng, int(count)) for count in rng.integers(3, 9, 3)]  # tables repeat the last corners
+        world = a_world(polygons=tuple(Polygon(corners=points(*shard.corners[:: (-1, 1)[k % 2]]))
+                                       for k, shard in enumerate(shards)))  # fmt: skip
+        rows = world.polygon_rows()
+        for p in (complex(*rng.uniform(-4.0, 4.0, 2)), sum(shards[0].corners) / len(shards[0].corners)):
+            expected = [shard.away(p) for shard in shards]
+            inside += min(expected) < -1e-6
+            assert [polygon_distance(p.real, p.imag, row) for row in rows] == pytest.approx(expected, abs=1e-9)
+            nearest = distance_to_nearest(p.real, p.imag, np.empty((0, 6)), np.empty((0, 5)), rows)
+            assert nearest == pytest.approx(min(expected), abs=1e-9)
+    assert inside > 500
+
+
+def test_a_rectangle_is_as_far_as_the_box_of_its_corners() -> None:
+    box = np.array([1.0, 2.0, 1.5, 0.5, 0.8, 0.6])
+    turn = complex(0.8, 0.6)
+    corners = [1 + 2j + turn * complex(1.5 * a, 0.5 * b) for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    (row,) = a_world(polygons=(Polygon(corners=points(*corners)),)).polygon_rows()
+    for x, y in np.random.default_rng(6).uniform(-3.0, 5.0, (500, 2)).tolist():
+        assert polygon_distance(x, y, row) == pytest.approx(box_distance(x, y, box), abs=1e-12)
+
+
+def test_a_table_of_polygons_repeats_last_corners_and_turns_all_counter_clockwise() -> None:
+    triangle, square = points((1, 0), (0, 1), (-1, -1)), points((1, 1), (-1, 1), (-1, -1), (1, -1))
+    table = polygon_table([(5.0, 6.0, 1.5, triangle[::-1]), (7.0, 8.0, 1.6, square)])
+    assert table[0].tolist() == [5.0, 6.0, 1.5, 0.0, 0.0, 1, 0, 0, 1, -1, -1, -1, -1]
+    assert table[1].tolist() == [7.0, 8.0, 1.6, 0.0, 0.0, 1, 1, -1, 1, -1, -1, 1, -1]
+    assert polygon_table([]).shape == (0, 5)
+
+
+def test_a_polygons_row_holds_its_centre_and_the_circle_around_it() -> None:
+    (row,) = a_world(polygons=(Polygon(corners=points((4, 4), (6, 4), (6, 6), (4, 6))),)).polygon_rows()
+    assert row[:5] == pytest.approx([5.0, 5.0, math.sqrt(2.0), 0.0, 0.0])
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("count", [3, 4, 7])
+def test_corners_on_a_circle_are_convex_whichever_way_they_turn_and_not_when_one_is_pushed_in(
+    count: int, turn: int
+) -> None:
+    corners = [complex(math.cos(math.tau * k / count), math.sin(turn * math.tau * k / count)) for k in range(count)]
+    check_convex("corners", points(*corners))
+    for wrong in (
+        [*corners[:-1], 0.5 * (corners[0] + corners[-2])],  # three on a line
+        [*corners, corners[-1]],  # one twice
+        [*corners, 0.5 * corners[-1]],  # a dent
+        [*corners, *corners],  # twice round
+        [corners[0], corners[2], corners[1], *corners[3:]] if count > 3 else corners[:2],  # crossed, too few
+    ):
+        with pytest.raises(DescriptionError, match="corners: "):
+            check_convex("corners", points(*wrong))
+
+
+def test_an_outline_may_touch_the_circle_but_not_leave_it() -> None:
+    way: dict[str, Any] = {"waypoints": points((0, 0), (9, 0)), "speeds_mps": (1.0,)}
+    outline = points((1, 0), (0, 1), (-1, 0), (0, -1))
+    assert Mover(radius_m=1.0, outline=outline, **way).outline == outline
+    with pytest.raises(ValueError, match=r"outline: must lie within the radius, 0\.999 m"):
+        Mover(radius_m=0.999, outline=outline, **way)
+
+
+def test_an_outlined_mover_is_a_row_of_polygons_that_moves_without_turning() -> None:
+    outline = points((1, 0), (-1, 1), (-1, -1))
+    movers = (
+        to_and_fro((0.0, 0.0), (3.0, 4.0), speeds=[2.5], radius_m=2.0, outline=outline),
+        to_and_fro((0.0, 9.0), (5.0, 9.0), speeds=[1.0], radius_m=0.5),
+    )
+    world = a_world(movers=movers)
+    assert (world.round_movers(), world.outlined_movers()) == (movers[1:], movers[:1])
+    for t_s, x_m, y_m, speed_mps in ((0.0, 0.0, 0.0, 2.5), (1.0, 1.5, 2.0, 2.5), (3.0, 1.5, 2.0, -2.5)):
+        (row,) = world.polygon_rows(t_s)
+        assert row[:5] == pytest.approx([x_m, y_m, 2.0, 0.6 * speed_mps, 0.8 * speed_mps])
+        assert row[5:] == pytest.approx([1, 0, -1, 1, -1, -1])
+        assert movers[0].place(t_s) == pytest.approx((x_m, y_m))
+    assert world.disc_rows(1.0)[:, :3] == pytest.approx(np.array([[1.0, 9.0, 0.5]]))
+
+
+def test_a_movers_place_knows_its_phase_and_its_rounds() -> None:
+    mover = to_and_fro(
+        (0.0, 0.0), (4.0, 0.0), (4.0, 3.0), speeds=[2.0, 1.0, 0.5], radius_m=1.0, cyclic=True, phase_s=1.0
+    )
+    places = {0.0: (2.0, 0.0), 2.0: (4.0, 1.0), 9.0: (2.0, 1.5), 15.0: (2.0, 0.0), 14.0: (0.0, 0.0)}
+    assert [mover.place(t_s) for t_s in places] == [pytest.approx(place, abs=1e-9) for place in places.values()]

@@ -62,6 +62,12 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
     return found
 
 
+def robot_color(index: int) -> str:
+    """Return the colour of one of a fleet's robots; the palette's second is nearly the movers'."""
+    colors = (PALETTE[0], *PALETTE[2:])
+    return colors[index % len(colors)]
+
+
 def thinned(points: FloatArray, tolerance_m: float) -> FloatArray:
     """Return a polyline with fewer points that strays from it by no more than a tolerance, after Douglas and Peucker.
 

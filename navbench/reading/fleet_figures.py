@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from navbench.descriptions.description import describe
 from navbench.descriptions.robot import Robot
 from navbench.mathematics.statistics import share
-from navbench.reading.figures import PALETTE, draw_circle, draw_world, new_figure, save_figure
+from navbench.reading.figures import PALETTE, draw_circle, draw_world, new_figure, robot_color, save_figure
 from navbench.reading.fleets import fleets
 from navbench.reading.markup import number, save_table
 from navbench.reading.stored import Reading
@@ -57,7 +57,7 @@ def frames(
     figure, axes = new_figure(-(-len(times) // columns), columns, WIDTH_INCHES, height, sharex=True, sharey=True)
     for i, (ax, t_s) in enumerate(zip(axes.ravel(), times, strict=False)):
         draw_world(ax, world, t_s)
-        for way, color in zip(ways, _colours(len(ways)), strict=True):
+        for way, color in zip(ways, map(robot_color, range(len(ways))), strict=True):
             so_far = way[way["t_s"] <= t_s]
             ax.plot(so_far["x_m"], so_far["y_m"], color=color, linewidth=1.0, zorder=5)
             x, y, heading = so_far[["x_m", "y_m", "heading_rad"]].iloc[-1]
@@ -149,11 +149,6 @@ def fleet_table(
     headers = ["", "", "all robots reached", "robots reached", "makespan [s]", "sum of times [s]"]
     headers += ["contacts of robots", "other contacts", "while standing", "timed out"]
     return save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
-
-
-def _colours(robots: int) -> list[str]:
-    colours = (PALETTE[0], *PALETTE[2:])  # the second is nearly the movers'
-    return [colours[i % len(colours)] for i in range(robots)]
 
 
 def _spans(way: "pd.DataFrame", column: str) -> Iterator[tuple[float, float]]:

@@ -87,7 +87,7 @@ def spells_on_the_way(
     way = reading.way(row)
     figure, axes = new_figure(1, 1, 6.0, 5.0)
     ax = axes[0, 0]
-    draw_world(ax, reading.world(row["run_id"]))
+    draw_world(ax, reading.world(row["run_id"], row["episode"]))
     held = way[column].to_numpy()[:-1]
     x_m, y_m = way["x_m"].to_numpy(), way["y_m"].to_numpy()
     for i, (called, value) in enumerate(values.items()):

@@ -35,7 +35,9 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         phases,
         memberships,
         rules,
+        counts,
         surface,
+        surface_2d,
         tuners_compared,
         evolution,
         gains,
@@ -45,12 +47,10 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         fleet_table,
         time_series,
         spells_on_the_way,
+        robustness,
         fair_comparison,
         sources,
         errata,
-        surface_2d,
-        counts,
-        robustness,
     )
 }
 OWN = ("name", "title", "text")  # the keys that every section has

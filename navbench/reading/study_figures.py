@@ -15,6 +15,7 @@ from navbench.reading.figures import (
     draw_circle,
     draw_world,
     new_figure,
+    robot_color,
     save_figure,
     styles,
     thinned,
@@ -62,13 +63,13 @@ def trajectories(
     style = styles(reading.labels)
     for ax, (title, world) in zip(axes.ravel(), panels.items(), strict=False):
         records = reading.select(**select, world=world, label=list(labels)).to_dict("records")
-        draw_world(ax, reading.world(records[0]["run_id"]))
+        draw_world(ax, reading.world(records[0]["run_id"], records[0]["episode"]))
         ways = [(row, reading.way(row)) for row in records]
         robot = describe(Robot, reading.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")
         for row, way in ways:
             one = style[row["label"]]
             if len(labels) == 1:  # a fleet: a colour a robot
-                one = one._replace(color=PALETTE[row["robot_index"] % len(PALETTE)])
+                one = one._replace(color=robot_color(row["robot_index"]))
             _draw_way(ax, way, one, labels.index(row["label"]), row["tuning_seed"] > 0, robot.radius_m)
             draw_circle(ax, way["x_m"].iloc[0], way["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
@@ -136,12 +137,12 @@ def phases(reading: Reading, out: Path, *, file: str, caption: str, select: Sele
     way = reading.way(row).reset_index(drop=True)
     figure, axes = new_figure(1, 1, 5.2, 5.0)
     ax = axes[0, 0]
-    draw_world(ax, reading.world(row["run_id"]))
+    draw_world(ax, reading.world(row["run_id"], row["episode"]))
     follows = (way["behavior"] == 1.0).to_numpy()
     for holds, color, name in ((~follows, PALETTE[0], "go to goal"), (follows, PALETTE[2], "follow wall")):
         shown = holds | np.roll(holds, 1)  # each piece reaches the beginning of the next
         ax.plot(way["x_m"].where(shown), way["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)
-    goal = reading.world(row["run_id"]).goals[row["robot_index"]]
+    goal = reading.world(row["run_id"], row["episode"]).goals[row["robot_index"]]
     raw = []
     for i, phase in enumerate(phases_of(way, row["outcome"]), 1):
         at = way.iloc[phase.row]

@@ -110,6 +110,8 @@ def share_passing_first(
     rows = reading.select(**select)
     for _, fleet in rows.groupby(["run_id", "episode"], sort=False):
         ways = {row["robot_index"]: reading.way(row).iloc[:-1] for row in fleet.to_dict("records")}
+        if not {first, second} <= set(ways):
+            continue
         length = min(len(ways[first]), len(ways[second]))
         v1, v2 = (ways[i]["v_mps"].to_numpy()[:length] for i in (first, second))
         on1, on2 = (ways[i][column].to_numpy()[:length] != 0.0 for i in (first, second))
