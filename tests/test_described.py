@@ -10,6 +10,7 @@ from stored import a_cell, a_record, store
 
 from navbench.descriptions.record import RobotRecord
 from navbench.experiments.store import Results
+from navbench.reading import described
 from navbench.reading.claims import Measured
 from navbench.reading.described import counts, surface_2d
 from navbench.reading.measures import measure
@@ -83,6 +84,17 @@ def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(reading
     third = store(tmp_path / "third", [(a_cell("A"), [a_record()])], descriptions={"it-surface": turned})
     surface_2d(third, tmp_path / "2", file="s", caption="c", table="it-surface", x="x", y="y", value="z")
     assert (tmp_path / "2/figures/s.svg").read_bytes() != drawn[0]
+
+
+def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
+    reading: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(described, "save_figure", lambda figure, *_: drawn.append(figure))
+    surface_2d(reading, tmp_path, file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    ax = drawn[0].axes[0]
+    assert (ax.get_xlim(), ax.get_ylim()) == ((0.0, 2.0), (0.0, 1.0))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
 
 
 def test_described_rows_are_counted(reading: Reading) -> None:
