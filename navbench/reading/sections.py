@@ -13,6 +13,7 @@ from typing import Any
 from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
+from navbench.reading.crossing import crossed_tables, success_map
 from navbench.reading.evolution import evolution, gains, rules_compared
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
@@ -43,6 +44,8 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         fleet_table,
         time_series,
         spells_on_the_way,
+        success_map,
+        crossed_tables,
         fair_comparison,
         sources,
         errata,
