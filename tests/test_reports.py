@@ -150,6 +150,20 @@ REPORT: list[dict[str, Any]] = [
     },
     {"name": "robustness", "file": "robustness", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
     {
+        "name": "success_map",
+        "file": "success",
+        "caption": "Success.",
+        "panels": {"fair": {"name": "fair"}, "printed": {"name": "printed"}},
+        "groups": {"one paper": ["plain"], "another": ["other"]},
+        "home": {"F": "one paper"},
+    },
+    {
+        "name": "crossed_tables",
+        "file": "crossed",
+        "select": {"name": "fair"},
+        "groups": {"one paper": ["plain"], "another": ["other"]},
+    },
+    {
         "name": "fair_comparison",
         "file": "fair",
         "select": {"name": "fair"},

@@ -13,6 +13,7 @@ from typing import Any
 from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
+from navbench.reading.crossing import crossed_tables, success_map
 from navbench.reading.described import counts, surface_2d
 from navbench.reading.evolution import evolution, gains, rules_compared
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
@@ -48,6 +49,8 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         time_series,
         spells_on_the_way,
         robustness,
+        success_map,
+        crossed_tables,
         fair_comparison,
         sources,
         errata,
