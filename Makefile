@@ -2,6 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+STUDIES := aouf2019 zhao2017 zhao2018 nemeiksis2019 lei2014 papers
 
 .PHONY: run test lint format clean clean-cache tuned results
 
@@ -47,5 +48,6 @@ tuned: $(STAMP) ## tune the PIDs of aouf2019 and evolve zhao2018's controller ag
 	  "worlds=[zhao2018_single,zhao2018_fleet]" budget=900 seed=0 name=oa_to_ga hydra.run.dir=outputs/tuned/ga
 	cp outputs/tuned/ga/conf/controller/oa_to_ga.yaml conf/controller/
 
-results: $(STAMP) ## run every study again and write its report into results
-	$(BIN)/navbench study aouf2019
+results: $(STAMP) ## run every study again, write its report into results, and join the reports in results/README.md
+	for study in $(STUDIES); do $(BIN)/navbench study $$study || exit 1; done
+	$(BIN)/navbench report join=results

@@ -10,7 +10,7 @@ sets of distances: 2FB's must be narrow, or the wall's distance would have a dea
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic.dataclasses import dataclass
@@ -22,6 +22,12 @@ DISTANCES = ("C", "MD", "MF", "F")
 TURNS = ("BSR", "MSR", "SSR", "Z", "SSL", "MSL", "BSL")
 BEARINGS = ("FR", "MFR", "CR", "Z", "CL", "MFL", "FL")
 SPEEDS = ("Z", "S", "M", "H")
+BLOCKS_OF = {  # which blocks are evaluated together; 2FB has as many rules on either side
+    "destination agent drives": ("3FB", "4FB"),
+    "wall agent drives": ("2FB, left", "4FB"),
+    "obstacle agent drives": ("1FB", "4FB"),
+    "each act here": ("1FB", "2FB, left", "3FB", "4FB"),
+}
 
 TABLE_2: Table = {  # 1FB: by d_s4, then d_s2 down and d_s3 across
     "C": {
@@ -193,24 +199,41 @@ class FuzzyBlocks:
         return {name: [row[i] for row in corners] for i, name in enumerate(("variable", "term", "x", "degree"))}
 
     def complexity(self) -> dict[str, list[Any]]:
-        """Return how many inputs and rules each block has, and one flat rule base in their place would have.
+        """Return how many inputs and rules the blocks have, and one flat rule base in their place would have.
 
         A complete flat rule base has a rule for each combination of its inputs' sets. The smaller of the two flat
         ones takes only what the blocks take, each reading once with the sets that its block gives it; mu, which passes
         from one block to the next, is no input of it. The other one takes the three rear sensors too, which the paper
         feeds to 1FB, and is what the switch unit's ten sensors and the destination come to.
+
+        Of several blocks, ``inputs`` is the most that one of them takes, and ``rules`` their sum: of those that the
+        paper evaluates while an agent drives, of those that are evaluated in each act here, where the other agents'
+        angles are traced too, and of all. Of an input no more than two sets overlap, so that ``fire_at_most`` rules
+        have a strength at once.
         """
-        inputs: dict[str, int] = {}
-        rows: list[tuple[str, int, int]] = []
-        for name, block in self.by_name().items():
-            sets = {key: len(variable.terms) for key, variable in block.inputs.items()}
-            rows.append((name, len(sets), len(block.rules)))
-            inputs |= {key: count for key, count in sets.items() if key != "mu"}
-        rows.append(("all blocks", max(n for _, n, _ in rows), sum(rules for _, _, rules in rows)))
-        rows.append(("one flat block", len(inputs), math.prod(inputs.values())))
-        rear = {f"d_s{sensor}": len(DISTANCES) for sensor in (7, 8, 9)}
-        rows.append(("one flat block, with the rear", len(inputs | rear), math.prod((inputs | rear).values())))
-        return {name: [row[i] for row in rows] for i, name in enumerate(("block", "inputs", "rules"))}
+        blocks = self.by_name()
+        rows = [(name, *_size([block])) for name, block in blocks.items()]
+        for together, names in BLOCKS_OF.items():
+            rows.append((together, *_size([blocks[name] for name in names])))
+        rows.append(("all blocks", *_size(blocks.values())))
+        sets = {
+            key: len(variable.terms)
+            for block in blocks.values()
+            for key, variable in block.inputs.items()
+            if key != "mu"
+        }
+        with_rear = sets | {f"d_s{sensor}": len(DISTANCES) for sensor in (7, 8, 9)}
+        for name, flat in (("one flat block", sets), ("one flat block, with the rear", with_rear)):
+            rows.append((name, len(flat), math.prod(flat.values()), 2 ** len(flat)))
+        names = ("block", "inputs", "rules", "fire_at_most")
+        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+
+def _size(blocks: Iterable[FuzzyInference]) -> tuple[int, int, int]:
+    """Return of some blocks the most inputs of one, all rules, and how many of these have a strength at once."""
+    together = list(blocks)
+    inputs = [len(block.inputs) for block in together]
+    return max(inputs), sum(len(block.rules) for block in together), sum(2**count for count in inputs)
 
 
 def _block(table: Table, inputs: Mapping[str, Variable], outputs: Mapping[str, Variable]) -> FuzzyInference:

@@ -200,16 +200,16 @@ class SwitchUnit:
 def describe_patterns() -> dict[str, list[Any]]:
     """Return a table of all 1024 patterns: the rows that match, the printed agent, the completed one, its mirror's.
 
-    ``printed`` is "none" where no row matches and "conflict" where rows of different agents do.
+    ``printed`` is "none" where no row matches and "conflict" where rows of different agents do. ``mirror_agrees`` where
+    both agents, the printed and the completed one, are those of the mirrored pattern.
     """
     rows = []
     for pattern in PATTERNS:
-        named = printed_agents(pattern)
-        printed = "none" if not named else "conflict" if len(named) > 1 else min(named)
-        agent, mirror = completed_agent(pattern), mirrored(pattern)
-        modes = " ".join(map(str, matching_modes(pattern)))
-        rows.append((written(pattern), modes, printed, agent, written(mirror), agent == completed_agent(mirror)))
-    names = ("pattern", "modes", "printed", "agent", "mirror", "mirror_agrees")
+        modes, mirror = matching_modes(pattern), mirrored(pattern)
+        agents, there = ((_printed(p), completed_agent(p)) for p in (pattern, mirror))
+        told = " ".join(map(str, modes))
+        rows.append((written(pattern), told, len(modes), *agents, written(mirror), agents == there))
+    names = ("pattern", "modes", "matches", "printed", "agent", "mirror", "mirror_agrees")
     return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
@@ -234,3 +234,8 @@ def describe_modes() -> dict[str, list[Any]]:
 def written(pattern: int) -> str:
     """Return a pattern as Table 1 writes it, without its spaces."""
     return "".join(str(pattern >> k & 1) for k in range(len(COLUMNS)))
+
+
+def _printed(pattern: int) -> str:
+    named = printed_agents(pattern)
+    return "none" if not named else "conflict" if len(named) > 1 else min(named)

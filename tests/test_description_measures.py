@@ -13,14 +13,10 @@ from navbench.reading.description_measures import (
     described_total,
     described_value,
     share_falling,
-    share_greater,
-    share_longer_in,
-    share_mainly,
-    share_of_time,
-    share_of_worlds_safer,
-    time_at_least,
 )
+from navbench.reading.measures import share_greater, share_of_worlds_safer
 from navbench.reading.stored import Reading
+from navbench.reading.way_measures import share_longer_in, share_mainly, share_of_time, time_at_least
 
 TABLES: dict[str, Any] = {
     "it-sizes": {"part": ["one", "two", "two"], "kind": ["a", "a", "b"], "rules": [4, 10, 20]},

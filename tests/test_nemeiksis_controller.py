@@ -292,10 +292,32 @@ def test_table_5_is_the_printed_one() -> None:
 
 def test_the_decomposition_saves_rules() -> None:
     table = make().blocks.complexity()
-    rows = {name: (n, rules) for name, n, rules in zip(table["block"], table["inputs"], table["rules"], strict=True)}
-    assert rows["all blocks"] == (3, 64 + 2 * 16 + 7 + 28)
-    assert rows["one flat block"] == (9, 4**7 * 7 * 4)
-    assert rows["one flat block, with the rear"] == (12, 4**10 * 7 * 4)
+    rows = {name: tuple(row) for name, *row in zip(*table.values(), strict=True)}
+    assert list(table) == ["block", "inputs", "rules", "fire_at_most"]
+    assert rows["1FB"] == (3, 64, 8)
+    assert rows["all blocks"] == (3, 64 + 2 * 16 + 7 + 28, 8 + 4 + 4 + 2 + 4)
+    assert rows["one flat block"] == (9, 4**7 * 7 * 4, 2**9)
+    assert rows["one flat block, with the rear"] == (12, 4**10 * 7 * 4, 2**12)
+
+
+def test_an_agent_needs_its_own_block_and_that_of_the_speed() -> None:
+    table = make().blocks.complexity()
+    rules = dict(zip(table["block"], table["rules"], strict=True))
+    assert rules["destination agent drives"] == 7 + 28
+    assert rules["wall agent drives"] == 16 + 28
+    assert rules["obstacle agent drives"] == 64 + 28
+    assert rules["each act here"] == 64 + 16 + 7 + 28
+
+
+def test_no_more_rules_have_a_strength_at_once_than_are_said_to() -> None:
+    rng = np.random.default_rng(0)
+    made = make().blocks
+    table = made.complexity()
+    most = dict(zip(table["block"], table["fire_at_most"], strict=True))
+    for name, block in made.by_name().items():
+        low, high = np.array([(variable.low, variable.high) for variable in block.inputs.values()]).T
+        counts = [np.count_nonzero(block.strengths(*point)) for point in rng.uniform(low, high, (300, len(low)))]
+        assert max(counts) == most[name], name
 
 
 # ---- equations, signs and edges ----
@@ -494,7 +516,8 @@ def test_what_it_offers_of_itself_are_tables() -> None:
     assert patterns["printed"].count("conflict") == 0
     assert all(patterns["mirror_agrees"])
     at = patterns["pattern"].index("1100011000")
-    assert [patterns[key][at] for key in ("modes", "printed", "agent")] == ["10 11 12 13 14", "wall", "wall"]
+    found = [patterns[key][at] for key in ("modes", "matches", "printed", "agent")]
+    assert found == ["10 11 12 13 14", 5, "wall", "wall"]
     assert set(tables["memberships"]["variable"]) == {"d_s4", "d_s10", "bearing", "mu_1", "d_destination", "V_avg"}
     assert sum(len(table["mu_2"]) for table in tables.values() if "mu_2" in table) == 32
 

@@ -76,7 +76,17 @@ REPORT: list[dict[str, Any]] = [
         "axes": {"heading_error": {"title": "error [rad]", "low": -1.0, "high": 1.0}},
     },
     {"name": "rules", "file": "rules", "table": "sflc-rules"},
+    {"name": "counts", "file": "counts", "table": "sflc-rules", "by": ["turn"]},
     {"name": "surface", "file": "surface", "caption": "Surface.", "table": "sflc-surface"},
+    {
+        "name": "surface_2d",
+        "file": "surface_2d",
+        "caption": "Surface.",
+        "table": "dual_layer-danger",
+        "x": "eta_t",
+        "y": "eta_d",
+        "value": "DDC",
+    },
     {
         "name": "tuners_compared",
         "file": "tuners",
@@ -137,6 +147,21 @@ REPORT: list[dict[str, Any]] = [
         "column": "at_obstacle",
         "values": {"free": 0.0, "at an obstacle": 1.0},
         "least_periods": 1,
+    },
+    {"name": "robustness", "file": "robustness", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
+    {
+        "name": "success_map",
+        "file": "success",
+        "caption": "Success.",
+        "panels": {"fair": {"name": "fair"}, "printed": {"name": "printed"}},
+        "groups": {"one paper": ["plain"], "another": ["other"]},
+        "home": {"F": "one paper"},
+    },
+    {
+        "name": "crossed_tables",
+        "file": "crossed",
+        "select": {"name": "fair"},
+        "groups": {"one paper": ["plain"], "another": ["other"]},
     },
     {
         "name": "fair_comparison",
@@ -202,6 +227,7 @@ def smoke(path: Path) -> Reading:
         },
         "sflc-rules": {"heading_error": ["Z", "P"], "speed": ["L", "S"], "turn": ["Z", "P"]},
         "evolved-rules": {"heading_error": ["Z", "P"], "speed": ["L", "L"], "turn": ["Z", "P"]},
+        "dual_layer-danger": {"eta_d": [0.0, 0.0, 4.0, 4.0], "eta_t": [0.0, 6.0] * 2, "DDC": [1.0, 1.0, 1.0, 0.0]},
         "sflc-surface": {"phi_rad": [-1.0, 0.0, 1.0], "v_mps": [0.1, 0.2, 0.1], "w_radps": [-1.0, 0.0, 1.0]},
     }
     return store(path, cells, STUDY, costs, descriptions)

@@ -19,6 +19,8 @@ from navbench.experiments.studies import run_study
 from navbench.experiments.tunings import run_tuning
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
+RESULTS = Path(__file__).parents[1] / "results"
+COMMITTED = sorted(file.parent.name for file in RESULTS.glob("*/manifest.json"))
 KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look
 
 
@@ -241,9 +243,16 @@ def test_a_cost_that_is_no_number_is_refused(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_the_committed_results_are_those_of_the_study_as_it_stands() -> None:
-    manifest = json.loads((Path(__file__).parents[1] / "results/aouf2019/manifest.json").read_text())
-    chosen = compose_study("aouf2019")
+def test_there_are_committed_results() -> None:
+    assert "aouf2019" in COMMITTED
+
+
+@pytest.mark.parametrize("name", COMMITTED)
+def test_the_committed_results_are_those_of_the_study_as_it_stands(name: str) -> None:
+    manifest = json.loads((RESULTS / name / "manifest.json").read_text())
+    chosen = compose_study(name)
+    assert manifest["study"]["title"] == chosen.content["title"]
+    assert manifest["study"]["summary"] == chosen.content["summary"]
     planned = {
         (p.name, p.label, p.cell.key().config_hash, p.cell.seed, p.cell.episodes) for p in chosen.cells if not p.tuning
     }

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from navbench.experiments.tunings import Tuning, TuningRecord
 
 STUDY_KEYS = ("engine", "workers")
+REPORT_KEYS = ("out", "join")
 SHOWN_MAX = 20  # parameters; of more, a screen shows no better than the file
 
 
@@ -103,17 +104,24 @@ def _study_options(overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def report(arguments: Sequence[str]) -> int:
-    """Rebuild tables and figures from results directories; nothing is run."""
+    """Rebuild tables and figures from results directories, or join the reports in one; nothing is run."""
     from navbench.experiments.store import Results
+    from navbench.reading.joined import write_joined
     from navbench.reading.reports import write_report
 
     words = sort_words(arguments)
-    out = None
+    given: dict[str, Path] = {}
     for word in words.overrides:
         key, _, value = word.partition("=")
-        if key != "out" or not value:
-            raise DescriptionError(f"{word}: unknown key; allowed with report: out=DIR")
-        out = Path(value)
+        if key not in REPORT_KEYS or not value:
+            raise DescriptionError(f"{word}: unknown key; allowed with report: out=DIR, join=DIR")
+        given[key] = Path(value)
+    if "join" in given:
+        if words.names or "out" in given:
+            raise DescriptionError(f"join={given['join']}: stands alone; it writes into that directory")
+        print(f"report: {write_joined(given['join'])}")
+        return 0
+    out = given.get("out")
     if not words.names:
         raise DescriptionError("report: name at least one results directory")
     runs = [run for name in words.names for run in _results_in(Path(name))]

@@ -194,7 +194,8 @@ def _forest(found: Sequence[Comparison], out: Path, stem: str, worlds: Sequence[
     for row, title in zip(axes, ("share that reached", "mean time, failures at the limit [s]"), strict=True):
         for ax in row:
             ax.set_xlabel(title, fontsize=9)
-    caption = f"The comparison over {found[0].reached.n} starts a world: value and 95 % interval."
+    counts = " to ".join(str(n) for n in sorted({min(c.reached.n for c in found), max(c.reached.n for c in found)}))
+    caption = f"The comparison over {counts} starts a world: value and 95 % interval."
     return save_figure(figure, out, stem, caption)
 
 

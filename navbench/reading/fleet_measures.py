@@ -13,7 +13,7 @@ from navbench.descriptions.description import describe
 from navbench.descriptions.robot import Robot
 from navbench.mathematics.statistics import newcombe_paired
 from navbench.reading.claims import Measured
-from navbench.reading.fleets import fleets
+from navbench.reading.fleets import clearances, fleets
 from navbench.reading.stored import Reading
 
 Select = Mapping[str, Any]
@@ -41,6 +41,24 @@ def difference_in_fleets_is_above(reading: Reading, select: Select, than: Select
     """Return 1 where more fleets reach than another controller's by more than chance: the whole interval is above 0."""
     difference = difference_in_fleets(reading, select, than)
     return None if difference is None else Measured(float(difference.low > 0.0), 0.0, 1.0, difference.n)
+
+
+def share_of_fleets_free(reading: Reading, select: Select) -> Measured | None:
+    """Return the share of episodes in which no robot touched anything."""
+    return Measured.share((clearances(reading.select(**select))["contacts"] == 0).to_numpy())
+
+
+def share_of_fleets_clearer(reading: Reading, select: Select, than: Select) -> Measured | None:
+    """Return the share of episodes in which the least clearance of all robots is greater than another controller's.
+
+    Args:
+        reading: the study's results.
+        select: the cells that are said to keep further away from everything.
+        than: the cells that they are compared with, over the same starts.
+    """
+    here, there = (clearances(reading.select(**side)) for side in (select, than))
+    pairs = here.merge(there, on=["world", "seed", "episode"], suffixes=("", "_other"))
+    return Measured.share((pairs["clearance_m"] > pairs["clearance_m_other"]).to_numpy())
 
 
 def mover_speed(reading: Reading, mover: int, leg: int, select: Select) -> Measured | None:
@@ -85,4 +103,12 @@ def share_of_discs_met(reading: Reading, within_m: float, select: Select) -> Mea
     return Measured.share(met)
 
 
-MEASURES = (share_of_fleets, difference_in_fleets, difference_in_fleets_is_above, mover_speed, share_of_discs_met)
+MEASURES = (
+    share_of_fleets,
+    share_of_fleets_free,
+    share_of_fleets_clearer,
+    difference_in_fleets,
+    difference_in_fleets_is_above,
+    mover_speed,
+    share_of_discs_met,
+)

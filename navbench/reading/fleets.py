@@ -35,3 +35,13 @@ def fleets(episodes: "pd.DataFrame") -> "pd.DataFrame":
     table.loc[~table["success"].astype(bool), ["makespan_s", "sum_of_times_s"]] = float("nan")
     table["other_contacts"] = table.pop("contacts") - table["robot_contacts"]
     return table
+
+
+def clearances(episodes: "pd.DataFrame") -> "pd.DataFrame":
+    """Return one row an episode: run_id, world, seed, episode, the least clearance_m of its robots and their contacts.
+
+    Args:
+        episodes: the table of episodes, one row a robot and episode.
+    """
+    groups = episodes.groupby(["run_id", "world", "seed", "episode"], sort=True)
+    return groups.agg(clearance_m=("min_clearance_m", "min"), contacts=("collisions", "sum")).reset_index()

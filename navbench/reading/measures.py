@@ -139,6 +139,32 @@ def share_in_phases(reading: Reading, phases: Sequence[str], select: Select) -> 
     return Measured.share(held)
 
 
+def share_greater(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
+    """Return the share of pairs in which one controller's metric is greater than the other's, failures included.
+
+    Args:
+        reading: the study's results.
+        metric: the metric's name, such as "min_clearance_m".
+        select: the cells that are said to have more of it.
+        than: the cells that they are compared with.
+    """
+    rows = reading.pairs(select, than)
+    return Measured.share((rows[metric] > rows[f"{metric}_other"]).to_numpy())
+
+
+def share_of_worlds_safer(reading: Reading, select: Select, than: Select) -> Measured | None:
+    """Return the share of worlds in which more robots touch nothing, of the same starts, than of another controller.
+
+    Args:
+        reading: the study's results.
+        select: the cells that are said to be safer.
+        than: the cells that they are compared with.
+    """
+    rows = reading.pairs(select, than)
+    free = (rows[["collisions", "collisions_other"]] == 0).groupby(rows["world"]).sum()
+    return Measured.share((free["collisions"] > free["collisions_other"]).to_numpy())
+
+
 def difference_in_reached(reading: Reading, select: Select, than: Select) -> Measured | None:
     """Return the paired difference of two shares that reached, with Newcombe's interval."""
     rows = reading.pairs(select, than)
@@ -249,6 +275,8 @@ MEASURES: Mapping[str, Callable[..., Measured | None]] = {
         share_with_outcome,
         share_without_collision,
         share_as_good,
+        share_greater,
+        share_of_worlds_safer,
         speed_range,
         share_in_phases,
         difference_in_reached,

@@ -89,11 +89,13 @@ def _words(numbers: Sequence[int]) -> str:
 
 
 def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest without configurations (their hashes stay) and without times."""
+    """Return a manifest without configurations (their hashes stay) and without times, and of the report the errata."""
+    study = manifest["study"]
+    errata = [item for section in study["report"] if section["name"] == "errata" for item in section["items"]]
     kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended")}
     return {
         **kept,
-        "study": {"name": manifest["study"]["name"], "title": manifest["study"]["title"]},
+        "study": {"name": study["name"], "title": study["title"], "summary": study["summary"] or "", "errata": errata},
         "cells": [{key: cell[key] for key in (*NAMED, *WHERE)} for cell in manifest["cells"]],
         "tunings": [{key: tuning[key] for key in TUNED} for tuning in manifest["tunings"]],
     }

@@ -6,12 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from navbench.reading.figures import PALETTE, draw_world, new_figure, save_figure
+from navbench.descriptions.description import describe
+from navbench.descriptions.robot import Robot
+from navbench.reading.figures import PALETTE, draw_circle, draw_world, new_figure, save_figure
 from navbench.reading.markup import number, save_table
 from navbench.reading.stored import Reading
+from navbench.reading.study_figures import cut, number_places
 from navbench.reading.trace_measures import spells
 
 Select = Mapping[str, Any]
+NEAR = 0.03  # of a picture's width: numbers of places nearer to each other stand together
 FLAT = 1e-6  # values that differ by less are drawn as one, not as their rounding errors
 
 
@@ -96,9 +100,11 @@ def spells_on_the_way(
     for i, spell in enumerate(spells(held, least_periods)):
         at = way.iloc[spell.begin]
         raw.append([i, names[spell.value], at["t_s"], at["x_m"], at["y_m"], spell.length])
-        if i:
-            ax.plot(at["x_m"], at["y_m"], "o", color="black", markersize=4, zorder=8)
-            ax.annotate(str(i), (at["x_m"], at["y_m"]), (6, 4), textcoords="offset points", fontsize=9, zorder=9)
+    robot = describe(Robot, reading.configuration(row["run_id"])["configuration"]["robot"], "robot")
+    cut(ax, [way], robot.radius_m)
+    left_m, right_m = ax.get_xlim()
+    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in raw if i], NEAR * (right_m - left_m), (4.0, 7.0))
+    draw_circle(ax, x_m[0], y_m[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     rows = [[str(i), called, number(t, 2), number(x, 2), number(y, 2), str(n)] for i, called, t, x, y, n in raw]
     frame = pd.DataFrame(raw, columns=["number", column, "t_s", "x_m", "y_m", "periods"])

@@ -13,9 +13,12 @@ from typing import Any
 from navbench.descriptions.description import DescriptionError
 from navbench.reading.comparison import fair_comparison
 from navbench.reading.convergence import tuners_compared
+from navbench.reading.crossing import crossed_tables, success_map
+from navbench.reading.described import counts, surface_2d
 from navbench.reading.evolution import evolution, gains, rules_compared
 from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
 from navbench.reading.provenance import sources
+from navbench.reading.robustness import robustness
 from navbench.reading.run_figures import spells_on_the_way, time_series
 from navbench.reading.stored import Reading
 from navbench.reading.study_figures import memberships, phases, surface, trajectories, velocities
@@ -33,7 +36,9 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         phases,
         memberships,
         rules,
+        counts,
         surface,
+        surface_2d,
         tuners_compared,
         evolution,
         gains,
@@ -43,6 +48,9 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
         fleet_table,
         time_series,
         spells_on_the_way,
+        robustness,
+        success_map,
+        crossed_tables,
         fair_comparison,
         sources,
         errata,

@@ -74,7 +74,7 @@ def trajectories(
             draw_circle(ax, way["x_m"].iloc[0], way["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
                 ax.plot(way["x_m"].iloc[-1], way["y_m"].iloc[-1], "X", color=style[row["label"]].color, zorder=20)
-        _cut(ax, [way for _, way in ways], robot.radius_m)
+        cut(ax, [way for _, way in ways], robot.radius_m)
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
@@ -148,9 +148,9 @@ def phases(reading: Reading, out: Path, *, file: str, caption: str, select: Sele
         at = way.iloc[phase.row]
         away_m = math.hypot(goal.x_m - at["x_m"], goal.y_m - at["y_m"])
         raw.append([i, phase.name, at["t_s"], at["x_m"], at["y_m"], away_m])
-    _number_places(ax, raw)
+    number_places(ax, [(i, x_m, y_m) for i, _, _, x_m, y_m, _ in raw], NEAR_M)
     robot = describe(Robot, reading.configuration(row["run_id"])["configuration"]["robot"], "robot")
-    _cut(ax, [way], robot.radius_m)
+    cut(ax, [way], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     names = ["number", "phase", "t_s", "x_m", "y_m", "goal_distance_m"]
     rows = [[str(i), name, *(number(value, 2) for value in values)] for i, name, *values in raw]
@@ -216,7 +216,7 @@ def _draw_way(ax: "Axes", way: "pd.DataFrame", style: Style, rank: int, faint: b
         ax.plot(x_m, y_m, color=style.color, linewidth=1.7, linestyle=style.dashes, zorder=5 + rank)
 
 
-def _cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float) -> None:
+def cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float) -> None:
     """Cut a picture to a square around the ways, and no further than it reached."""
     limits = []
     for name, (low, high) in (("x_m", ax.get_xlim()), ("y_m", ax.get_ylim())):
@@ -242,15 +242,27 @@ def _legend(figure: Any, style: Mapping[str, Style], labels: Sequence[str], colu
     figure.legend(handles=lines, loc="outside lower center", ncols=count, frameon=False, handlelength=4.0)
 
 
-def _number_places(ax: "Axes", raw: Sequence[Sequence[Any]]) -> None:
-    """Write the numbers of the phases beside the way, those of one place together."""
+def number_places(
+    ax: "Axes",
+    numbered: Sequence[tuple[int, float, float]],
+    near_m: float,
+    offset: tuple[float, float] = (8.0, -4.0),
+) -> None:
+    """Write numbers beside places, those of one place together.
+
+    Args:
+        ax: where to write.
+        numbered: each number with its x [m] and y [m].
+        near_m: what lies nearer than this to a place's first number stands with it [m].
+        offset: of a number from its place [points].
+    """
     places: dict[tuple[float, float], list[str]] = {}
-    for i, _, _, x_m, y_m, _ in raw:
+    for i, x_m, y_m in numbered:
         ax.plot(x_m, y_m, "o", color="black", markersize=4, zorder=8)
-        near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < NEAR_M), (x_m, y_m))
+        near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < near_m), (x_m, y_m))
         places.setdefault(near, []).append(str(i))
     for place, names in places.items():
-        ax.annotate(", ".join(names), place, (8, -4), textcoords="offset points", fontsize=9, zorder=9)
+        ax.annotate(", ".join(names), place, offset, textcoords="offset points", fontsize=9, zorder=9)
 
 
 def _frame(rows: Sequence[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame":

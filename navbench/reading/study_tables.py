@@ -133,7 +133,7 @@ def claims(reading: Reading, out: Path, *, groups: Mapping[str, Sequence[str]]) 
     for claim in table.to_dict("records"):
         reason = f": {claim['reason']}" if claim["reason"] else ""
         printed = f"{claim['printed']:g} {claim['unit']}".strip()
-        words = [claim["id"], claim["statement"], claim["where"], printed, _measured(claim), str(claim["n"])]
+        words = [claim["id"], claim["statement"], claim["where"], printed, told_figure(claim), str(claim["n"])]
         words += [claim["tolerance"], claim["evidence"].replace("_", " "), claim["verdict"].replace("_", " ") + reason]
         rows.append(words)
     headers = ["id", "statement", "where", "printed", "measured", "n", "tolerance", "evidence", "verdict"]
@@ -227,7 +227,8 @@ def description(reading: Reading, name: str) -> "pd.DataFrame":
     return tables[name]
 
 
-def _measured(claim: Mapping[Any, Any]) -> str:
+def told_figure(claim: Mapping[Any, Any]) -> str:
+    """Return what was measured of a claim, a row of ``claims.csv``, with its interval or range where it has one."""
     if not claim["n"]:
         return MISSING
     words = f"{claim['measured']:.4g}"

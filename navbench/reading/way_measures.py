@@ -4,14 +4,15 @@ Each is a measure as in ``navbench.reading.measures``. A column is one of the tr
 the controller's trace. A band is [low, high], both in it.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.reading.claims import Measured
-from navbench.reading.stored import Reading
+from navbench.reading.stored import PAIR, Reading
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +37,7 @@ def share_of_periods(
         holds: what must hold in them: a band for each of some columns.
     """
     shares = []
-    for way in _ways(reading, select):
+    for way in _periods(reading, select):
         t_s = way["t_s"]
         last_s = t_s.where(way[state] != 0.0).ffill().fillna(0.0)
         chosen = way[_within(way, where) & (way[state] == 0.0).to_numpy() & (t_s - last_s >= settled_s).to_numpy()]
@@ -47,7 +48,7 @@ def share_of_periods(
 
 def share_with_least(reading: Reading, column: str, at_most: float, select: Select) -> Measured | None:
     """Return the share of robots for which a column falls to a value or below it."""
-    return Measured.share([way[column].min() <= at_most for way in _ways(reading, select)])
+    return Measured.share([way[column].min() <= at_most for way in _periods(reading, select)])
 
 
 def share_slowing(reading: Reading, column: str, within_s: float, select: Select) -> Measured | None:
@@ -63,7 +64,7 @@ def share_slowing(reading: Reading, column: str, within_s: float, select: Select
         select: which cells and robots.
     """
     slower = []
-    for way in _ways(reading, select):
+    for way in _periods(reading, select):
         t_s, v_mps, on = way["t_s"].to_numpy(), way["v_mps"].to_numpy(), way[column].to_numpy() != 0.0
         for k in np.flatnonzero(on[1:] & ~on[:-1]) + 1:
             if v_mps[k - 1] > 0.0:
@@ -82,7 +83,7 @@ def share_regaining(reading: Reading, column: str, speed_mps: float, select: Sel
         select: which cells and robots.
     """
     again = []
-    for way in _ways(reading, select):
+    for way in _periods(reading, select):
         on = np.flatnonzero(way[column].to_numpy() != 0.0)
         if len(on):
             again.append(bool((way["v_mps"].to_numpy()[on[-1] + 1 :] >= speed_mps).any()))
@@ -123,6 +124,88 @@ def share_passing_first(
     return Measured.share(held)
 
 
+def time_at_least(
+    reading: Reading, columns: Sequence[str], level: float, when: Literal["begin", "end"], select: Select
+) -> Measured | None:
+    """Return when a robot's trace first reaches a level, or last leaves it, the median over robots with its range [s].
+
+    It is at the level from the control period in which one of the columns is, to the beginning of the period after the
+    last such one. Robots that never reach it are left out.
+
+    Args:
+        reading: the study's results.
+        columns: columns of the trajectory; the largest counts.
+        level: the level.
+        when: "begin" or "end".
+        select: which cells.
+    """
+    times_s = []
+    for way in _ways(reading, select):
+        rows = np.flatnonzero(way[list(columns)].iloc[:-1].max(axis=1).to_numpy() >= level)
+        if len(rows):
+            times_s.append(way["t_s"].to_numpy()[rows[0] if when == "begin" else rows[-1] + 1])
+    return Measured.median(times_s)
+
+
+def share_of_time(reading: Reading, column: str, states: Sequence[float], select: Select) -> Measured | None:
+    """Return the share of its time that a robot spends in some states, the median over robots with its range.
+
+    Args:
+        reading: the study's results.
+        column: the column of the trajectory that holds the state.
+        states: the states.
+        select: which cells.
+    """
+    shares = [sum(_times(way, column).get(state, 0.0) for state in states) for way in _ways(reading, select)]
+    return Measured.median(shares)
+
+
+def share_mainly(
+    reading: Reading, column: str, states: Sequence[float], begin_s: float, end_s: float, select: Select
+) -> Measured | None:
+    """Return the share of robots that spend more time in each of some states than in any other one.
+
+    Args:
+        reading: the study's results.
+        column: the column of the trajectory that holds the state.
+        states: the states.
+        begin_s: only control periods that begin at this time or later count [s].
+        end_s: and that begin before this one [s]; robots that have ended before ``begin_s`` are left out.
+        select: which cells.
+    """
+    held = []
+    for way in _ways(reading, select):
+        times = _times(way, column, begin_s, end_s)
+        if times:
+            most_else = max((time for state, time in times.items() if state not in states), default=0.0)
+            held.append(all(times.get(state, 0.0) > most_else for state in states))
+    return Measured.share(held)
+
+
+def share_longer_in(
+    reading: Reading, column: str, states: Sequence[float], select: Select, than: Select
+) -> Measured | None:
+    """Return the share of pairs in which one robot spends a larger share of its time in some states than the other.
+
+    A pair is a world, seed, episode and robot that both meet.
+
+    Args:
+        reading: the study's results.
+        column: the column of the trajectory that holds the state.
+        states: the states.
+        select: the cells that are said to spend more.
+        than: the cells that they are compared with.
+    """
+    shares = [
+        {
+            tuple(row[name] for name in PAIR): sum(_times(reading.way(row), column).get(state, 0.0) for state in states)
+            for row in reading.select(**side).to_dict("records")
+        }
+        for side in (select, than)
+    ]
+    return Measured.share(np.array([share > shares[1][pair] for pair, share in shares[0].items() if pair in shares[1]]))
+
+
 def _first(holds: NDArray[np.bool_], begin: int) -> int | None:
     """Return the first place from ``begin`` on at which something holds."""
     found = np.flatnonzero(holds[begin:])
@@ -130,9 +213,24 @@ def _first(holds: NDArray[np.bool_], begin: int) -> int | None:
 
 
 def _ways(reading: Reading, select: Select) -> "Iterator[pd.DataFrame]":
-    """Yield the control periods of each robot and episode."""
+    """Yield each robot's and episode's trajectory, its end included."""
     for row in reading.select(**select).to_dict("records"):
-        yield reading.way(row).iloc[:-1]
+        yield reading.way(row)
+
+
+def _periods(reading: Reading, select: Select) -> "Iterator[pd.DataFrame]":
+    """Yield the control periods of each robot and episode."""
+    for way in _ways(reading, select):
+        yield way.iloc[:-1]
+
+
+def _times(way: "pd.DataFrame", column: str, begin_s: float = 0.0, end_s: float = math.inf) -> dict[float, float]:
+    """Return the share of time that a robot spends in each state."""
+    begins_s, states = way["t_s"].to_numpy()[:-1], way[column].to_numpy()[:-1]
+    lasts_s = np.diff(way["t_s"].to_numpy())
+    chosen = (begins_s >= begin_s) & (begins_s < end_s)
+    total_s = lasts_s[chosen].sum()
+    return {float(s): float(lasts_s[chosen & (states == s)].sum() / total_s) for s in np.unique(states[chosen])}
 
 
 def _within(way: "pd.DataFrame", bands: Bands) -> NDArray[np.bool_]:
@@ -142,4 +240,14 @@ def _within(way: "pd.DataFrame", bands: Bands) -> NDArray[np.bool_]:
     return held
 
 
-MEASURES = (share_of_periods, share_with_least, share_slowing, share_regaining, share_passing_first)
+MEASURES = (
+    share_of_periods,
+    share_with_least,
+    share_slowing,
+    share_regaining,
+    share_passing_first,
+    time_at_least,
+    share_of_time,
+    share_mainly,
+    share_longer_in,
+)

@@ -1,0 +1,168 @@
+"""Sections on what controllers describe of themselves, and on how surely fleets succeed, on results made by hand."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from stored import a_cell, a_record, store
+
+from navbench.descriptions.record import RobotRecord
+from navbench.experiments.store import Results
+from navbench.reading import described
+from navbench.reading.claims import Measured
+from navbench.reading.described import counts, surface_2d
+from navbench.reading.measures import measure
+from navbench.reading.robustness import robustness
+from navbench.reading.run_figures import spells_on_the_way
+from navbench.reading.stored import Reading
+
+TABLES: dict[str, dict[str, Any]] = {
+    "it-surface": {
+        "x": [0.0, 0.0, 1.0, 1.0, 2.0, 2.0],
+        "y": [0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
+        "z": [0.0, 0.25, 0.5, 0.5, 1.0, 0.75],
+    },
+    "it-list": {
+        "number": [1, 2, 3, 4, 5],
+        "agent": ["wall", "obstacle", "wall", "none", "wall"],
+        "agrees": [True, True, False, True, True],
+    },
+}
+HERE, THERE = {"label": "A"}, {"label": "B"}
+
+
+def episode(clearance_m: float, contacts: int = 0, outcome: str = "reached", **changes: Any) -> RobotRecord:
+    record = a_record(outcome, **changes)
+    return record._replace(metrics=record.metrics._replace(min_clearance_m=clearance_m, collisions=contacts))
+
+
+def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Reading:
+    """Return stored episodes of several robots, by their controller's label."""
+    results = Results(path)
+    cells = {label: a_cell(label) for label in fleets}
+    results.begin(list(cells.values()), [], None)
+    for label, episodes in fleets.items():
+        rows = [
+            (i, robot._replace(robot_index=k)) for i, robots in enumerate(episodes) for k, robot in enumerate(robots)
+        ]
+        results.write_batch(cells[label].key, range(len(episodes)), rows)
+    results.end()
+    return Reading(results)
+
+
+@pytest.fixture
+def reading(tmp_path: Path) -> Reading:
+    here = [episode(0.4), episode(0.1), episode(0.3, outcome="timed_out"), episode(-0.01, 1, "collided")]
+    there = [episode(0.2), episode(0.2), episode(0.3), episode(-0.02, 1, "collided")]
+    cells = [(a_cell("A"), here), (a_cell("B"), there)]
+    return store(tmp_path / "in", cells, descriptions=TABLES)
+
+
+def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: Reading, tmp_path: Path) -> None:
+    text = counts(reading, tmp_path, file="c", table="it-list", by=["agent", "agrees"])
+    lines = [line for line in text.splitlines() if line.startswith("|")][2:]
+    assert lines == [
+        "| none | True | 1 |",
+        "| obstacle | True | 1 |",
+        "| wall | False | 1 |",
+        "| wall | True | 2 |",
+    ]
+    assert pd.read_csv(tmp_path / "tables/c.csv", keep_default_na=False).to_dict("list") == TABLES["it-list"]
+
+
+def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(reading: Reading, tmp_path: Path) -> None:
+    shuffled = {name: values[::-1] for name, values in TABLES["it-surface"].items()}
+    other = store(tmp_path / "other", [(a_cell("A"), [a_record()])], descriptions={"it-surface": shuffled})
+    drawn = []
+    for i, one in enumerate((reading, other)):
+        surface_2d(one, tmp_path / str(i), file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+        drawn.append((tmp_path / str(i) / "figures/s.svg").read_bytes())
+    assert drawn[0] == drawn[1]
+    turned = {**TABLES["it-surface"], "z": TABLES["it-surface"]["z"][::-1]}
+    third = store(tmp_path / "third", [(a_cell("A"), [a_record()])], descriptions={"it-surface": turned})
+    surface_2d(third, tmp_path / "2", file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    assert (tmp_path / "2/figures/s.svg").read_bytes() != drawn[0]
+
+
+def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
+    reading: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(described, "save_figure", lambda figure, *_: drawn.append(figure))
+    surface_2d(reading, tmp_path, file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    ax = drawn[0].axes[0]
+    assert (ax.get_xlim(), ax.get_ylim()) == ((0.0, 2.0), (0.0, 1.0))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
+
+
+def test_described_rows_are_counted(reading: Reading) -> None:
+    def count(**where: Any) -> Measured | None:
+        return measure(reading, "described_count", {"table": "it-list", "where": where})
+
+    assert count(agent="wall") == (3.0, 3.0, 3.0, 5)
+    assert count(agent="wall", agrees=True) == (2.0, 2.0, 2.0, 5)
+    assert count(agent="floor") == (0.0, 0.0, 0.0, 5)
+
+
+def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path) -> None:
+    fleets = store_fleets(tmp_path, {"A": [[episode(0.3), episode(0.2, 1)], [episode(0.3), episode(0.2)]]})
+    found = measure(fleets, "share_of_fleets_free", {"select": HERE})
+    assert found is not None
+    assert (found.value, found.n) == (0.5, 2)
+
+
+def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(reading: Reading, tmp_path: Path) -> None:
+    found = measure(reading, "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+    assert found is not None
+    assert (found.value, found.n) == (0.5, 4)  # 0.4 > 0.2, 0.1 < 0.2, 0.3 = 0.3, -0.01 > -0.02
+    fleets = {"A": [[episode(0.9), episode(0.1)]], "B": [[episode(0.2), episode(0.2)]]}
+    found = measure(store_fleets(tmp_path / "two", fleets), "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+    assert found is not None
+    assert (found.value, found.n) == (0.0, 1)
+
+
+def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: Reading, tmp_path: Path) -> None:
+    text = robustness(reading, tmp_path, file="r", cells={"it": HERE}, worlds={"plain one": "plain"})
+    row = pd.read_csv(tmp_path / "tables/r.csv").to_dict("records")[0]
+    assert (row["reached"], row["free"], row["n"]) == (0.5, 0.75, 4)
+    assert row["reached_low"] < 0.5 < row["reached_high"]
+    assert row["clearance_m"] == pytest.approx(0.2)
+    assert row["clearance_least_m"] == pytest.approx(-0.01)
+    assert row["clearance_low_m"] <= 0.2 <= row["clearance_high_m"]
+    assert "| plain one | it | 2 of 4: 0.500 [" in text
+    assert "3 of 4: 0.750 [" in text
+
+
+def test_where_nothing_stands_round_there_is_no_clearance(tmp_path: Path) -> None:
+    alone = store(tmp_path / "in", [(a_cell("A"), [episode(math.inf)] * 3)])
+    text = robustness(alone, tmp_path, file="r", cells={"it": HERE}, worlds={"plain": "plain"})
+    assert text.splitlines()[2].endswith("| – | – |")
+
+
+def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> None:
+    record = a_record(time_s=8.0, length_m=2.4)
+    states = [0.0, 1.0, 0.0, 0.0]
+    places = record.states.copy()
+    places[:, 1] = [0.0, 1.0, 1.01, 2.0, 2.4]
+    record = record._replace(states=places)
+    traced = record.traces.copy()
+    traced[:4, 0] = states
+    reading = store(tmp_path / "in", [(a_cell("A"), [record._replace(traces=traced)])])
+    text = spells_on_the_way(
+        reading,
+        tmp_path,
+        file="w",
+        caption="c",
+        select=HERE,
+        column="behavior",
+        values={"go": 0.0, "follow": 1.0},
+        least_periods=1,
+    )
+    table = pd.read_csv(tmp_path / "tables/w.csv")
+    assert table["behavior"].tolist() == ["go", "follow", "go"]
+    assert table["periods"].tolist() == [1, 1, 2]
+    drawn = (tmp_path / "figures/w.svg").read_text()
+    assert "<!-- 1, 2 -->" in drawn or ">1, 2<" in drawn
+    assert "figures/w.png" in text

@@ -1,0 +1,221 @@
+"""The page that joins several reports, and the sections in which every controller meets every world."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from stored import a_cell, a_record, store
+from test_reports import CLAIM, STUDY
+
+from navbench.descriptions.description import DescriptionError
+from navbench.reading.crossing import crossed_tables, success_map
+from navbench.reading.joined import read_claims, read_study, write_joined
+from navbench.reading.reports import write_report
+from navbench.reading.stored import Reading
+
+NAVBENCH = str(Path(sys.executable).with_name("navbench"))
+GROUPS = {"one paper": ["plain"], "another": ["other"]}
+
+
+def a_report(folder: Path, name: str, claims: list[dict[str, Any]], errata: list[dict[str, str]]) -> Path:
+    """Write a small study's report into a folder of its name."""
+    cells = [(a_cell("F"), [a_record(time_s=10.0)])]
+    report: list[dict[str, Any]] = [{"name": "claims", "title": "Claims", "groups": {}}] if claims else []
+    report += [{"name": "errata", "title": "Errata", "items": errata}] if errata else []
+    report += [{"name": "sources", "title": "Sources", "file": "sources"}]
+    study = {**STUDY, "name": name, "title": f"{name}: a title", "claims": claims, "report": report}
+    write_report([store(folder / "raw" / name, cells, study).results], folder / "results" / name)
+    return folder / "results" / name
+
+
+@pytest.fixture
+def joined(tmp_path: Path) -> Path:
+    """A folder with three reports: two of papers, one without claims and errata."""
+    wrong = {"where": "eq. 1", "printed": "a | b", "here": "c"}
+    claims = [
+        CLAIM,
+        {**CLAIM, "id": "off", "printed": 20.0, "evidence": "fitted"},
+        {**CLAIM, "id": "off-absolute", "printed": 8.5, "tolerance": {"absolute": 0.25}, "evidence": "layout_unknown"},
+    ]
+    a_report(tmp_path, "all", [], [])
+    a_report(tmp_path, "one1999", claims, [wrong])
+    a_report(tmp_path, "two2001", [{**CLAIM, "id": "near", "printed": 10.8}], [{**wrong, "where": "Table 7"}])
+    return tmp_path / "results"
+
+
+def rows_of(text: str, heading: str) -> list[list[str]]:
+    """The rows of the tables under a heading, without their heads."""
+    part = text[text.index(f"## {heading}\n") :].split("\n## ")[0]
+    lines = [re.split(r"(?<!\\)\|", line)[1:-1] for line in part.splitlines() if line.startswith("|")]
+    return [[word.strip() for word in line] for line in lines if not set(line[0].strip()) <= {"-"}]
+
+
+def test_the_page_has_a_paragraph_and_a_link_for_each_study_those_of_papers_first(joined: Path) -> None:
+    text = write_joined(joined).read_text()
+    assert re.findall(r"\[Report\]\((.*)\)", text) == ["one1999/report.md", "two2001/report.md", "all/report.md"]
+    assert all((joined / link).is_file() for link in re.findall(r"\]\(([^)]+)\)", text))
+    assert (
+        "## one1999: a title\n\nIt is small. 3 claims: 1 reproduced, 0 partly, 2 not reproduced, 0 not testable."
+        in text
+    )
+    assert "## all: a title\n\nIt is small. [Report]" in text
+
+
+def test_claims_are_counted_by_study_and_by_evidence(joined: Path) -> None:
+    rows = rows_of(write_joined(joined).read_text(), "Claims by verdict")
+    assert ["one1999", "1", "0", "2", "0", "3"] in rows
+    assert ["two2001", "0", "1", "0", "0", "1"] in rows
+    assert rows.count(["all", "1", "1", "2", "0", "4"]) == 2
+    assert ["free", "1", "1", "0", "0", "2"] in rows
+    assert ["fitted", "0", "0", "1", "0", "1"] in rows
+    assert ["layout unknown", "0", "0", "1", "0", "1"] in rows
+
+
+def test_every_claim_that_was_not_reproduced_stands_in_one_list(joined: Path) -> None:
+    rows = rows_of(write_joined(joined).read_text(), "What was not reproduced")[1:]
+    assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"]]
+    assert rows[0][3:] == ["20 s", "10", "off by -50 %; tolerance ±5 %", "fitted"]
+    assert rows[1][3:] == ["8.5 s", "10", "off by +1.5; tolerance ±0.25", "layout unknown"]
+
+
+def test_the_errata_of_all_papers_stand_in_one_list(joined: Path) -> None:
+    rows = rows_of(write_joined(joined).read_text(), "What the papers print wrong or leave open")[1:]
+    assert rows == [["one1999", "eq. 1", "a \\| b", "c"], ["two2001", "Table 7", "a \\| b", "c"]]
+
+
+def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [NAVBENCH, "report", "join=results"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "report: results/README.md\n"), done.stderr
+    first = (joined / "README.md").read_bytes()
+    code = (
+        "import sys\n"
+        "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
+        "from pathlib import Path\n"
+        "from navbench.reading.joined import write_joined\n"
+        "write_joined(Path(sys.argv[1]))\n"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "12345"}
+    subprocess.run([sys.executable, "-c", code, str(joined)], check=True, env=environment)
+    assert (joined / "README.md").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["join=nowhere"], "join=nowhere: there is no such directory"),
+        (["join=empty"], "join=empty: no study's report in it"),
+        (["join=results", "out=elsewhere"], "join=results: stands alone"),
+        (["join=results", "results"], "join=results: stands alone"),
+        (["join="], "join=: unknown key"),
+        (["joined=results"], "joined=results: unknown key; allowed with report: out=DIR, join=DIR"),
+    ],
+)
+def test_a_wrong_joining_is_refused_in_one_line(words: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "results").mkdir()
+    done = subprocess.run([NAVBENCH, "report", *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("navbench: ")
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"study": null}', '{"study": {"name": "one1999", "title": "a"}}'])
+def test_a_manifest_that_is_no_reports_is_named_with_what_to_do(content: str, joined: Path) -> None:
+    (joined / "one1999/manifest.json").write_text(content)
+    with pytest.raises(DescriptionError, match=r"one1999/manifest\.json.*navbench report outputs/study/one1999"):
+        write_joined(joined)
+    assert not (joined / "README.md").exists()
+
+
+def test_a_report_that_is_missing_is_named(joined: Path) -> None:
+    (joined / "two2001/report.md").unlink()
+    with pytest.raises(DescriptionError, match=r"two2001/report\.md: missing"):
+        write_joined(joined)
+
+
+@pytest.mark.parametrize(
+    ("there", "wrong", "message"),
+    [
+        ("not_reproduced", "maybe", "verdict=maybe of off; allowed: reproduced"),
+        ("layout_unknown", "guessed", "evidence=guessed of off-absolute; allowed: free"),
+        ("statement,where", "where,statement", "its columns must be id, statement, where"),
+    ],
+)
+def test_a_table_of_claims_that_was_meddled_with_is_refused(there: str, wrong: str, message: str, joined: Path) -> None:
+    file = joined / "one1999/claims.csv"
+    file.write_text(file.read_text().replace(there, wrong))
+    with pytest.raises(DescriptionError, match=f"claims.csv: {message}"):
+        read_claims(file)
+
+
+def test_an_empty_table_of_claims_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "claims.csv").write_text("")
+    with pytest.raises(DescriptionError, match=r"claims\.csv: \S.*") as refused:
+        read_claims(tmp_path / "claims.csv")
+    assert "\n" not in str(refused.value)
+
+
+def test_the_small_manifest_keeps_summary_and_errata(joined: Path) -> None:
+    study = json.loads((joined / "one1999/manifest.json").read_text())["study"]
+    assert sorted(study) == ["errata", "name", "summary", "title"]
+    assert study["errata"] == [{"where": "eq. 1", "printed": "a | b", "here": "c"}]
+    assert read_study(joined / "all").errata == []
+
+
+@pytest.fixture
+def crossed(tmp_path: Path) -> Reading:
+    """Two controllers in two worlds: F alone in one, in the other in pairs, of which one half fails."""
+    pair = [a_record(time_s=12.0), a_record("collided", 1.0, 0.2)._replace(robot_index=1)]
+    cells = [
+        (a_cell("F", "plain"), [a_record(time_s=10.0), a_record(time_s=20.0), a_record("timed_out", 60.0, 9.0)]),
+        (a_cell("G", "plain"), [a_record("collided", 1.0, 0.1)] * 3),
+        (a_cell("F", "other"), [a_record(time_s=11.0)] * 2),
+        (a_cell("G", "other"), [a_record(time_s=13.0)] * 2),
+    ]
+    reading = store(tmp_path / "in", cells)
+    pairs = [(0, pair[0]), (0, pair[1]), (1, pair[0]), (1, pair[0]._replace(robot_index=1))]
+    reading.results.write_batch(cells[2][0].key, range(2), pairs)
+    return Reading(reading.results)
+
+
+def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: Reading, tmp_path: Path) -> None:
+    text = crossed_tables(crossed, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
+    assert "| one paper | plain | 2 of 3 [0.21, 0.94] | 0 of 3 [0.00, 0.56] |" in text
+    assert "| another | other | 1 of 2 [0.09, 0.91] | 2 of 2 [0.34, 1.00] |" in text
+    assert "| one paper | plain | 15.0 (2 of 3) | – |" in text
+    assert "| another | other | 12.0 (3 of 4) | 13.0 (2 of 2) |" in text
+    table = pd.read_csv(tmp_path / "tables/c_success.csv")
+    assert table[["success", "episodes"]].to_numpy().tolist() == [[pytest.approx(2 / 3), 3], [0, 3], [0.5, 2], [1, 2]]
+
+
+def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: Reading, tmp_path: Path) -> None:
+    panels = {"panel 1": {"name": "printed"}}
+    success_map(crossed, tmp_path, file="m", caption="c", panels=panels, groups=GROUPS, home={"F": "another"})
+    drawn = (tmp_path / "figures/m.svg").read_text()
+    words = re.findall(r">([^<>\n]+)</text>", drawn)
+    assert [word for word in words if word.isdigit()] == ["67", "0", "50", "100"]
+    assert {"plain", "other", "one paper", "another", "F", "G", "panel 1"} <= set(words)
+    assert drawn.count("stroke: #d55e00") == 1
+    shares = pd.read_csv(tmp_path / "tables/m.csv")["success"].tolist()
+    assert shares == pytest.approx([2 / 3, 0.0, 0.5, 1.0])
+
+
+def test_a_home_that_is_no_group_is_refused(crossed: Reading, tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match="home=elsewhere: there is no such group; allowed: one paper, another"):
+        success_map(crossed, tmp_path, file="m", caption="c", panels={"": {}}, groups=GROUPS, home={"F": "elsewhere"})
+
+
+def test_a_controller_that_missed_a_world_is_refused(tmp_path: Path) -> None:
+    cells = [(a_cell("F", "plain"), [a_record()]), (a_cell("G", "other"), [a_record()])]
+    reading = store(tmp_path / "in", cells)
+    with pytest.raises(DescriptionError, match="select: F has no episodes in other"):
+        crossed_tables(reading, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
