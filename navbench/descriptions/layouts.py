@@ -16,6 +16,7 @@ from navbench.mathematics.geometry import distance_to_nearest
 FloatArray = NDArray[np.float64]
 
 DRAWS_MAX = 1000  # for one thing; what finds no place so often has none
+RADIUS_MIN_M = 1e-6  # of a smaller polygon, far from 0, the corners are one point
 THINGS_MAX = 1000  # of one kind
 CORNERS_MAX = 100  # of a polygon: more are a disc
 LEGS_MAX = 10**5  # of a mover: more are a slip in a unit, and would fill the memory
@@ -29,6 +30,8 @@ def _ascending(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 Span = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
+Radius = Annotated[float, Field(ge=RADIUS_MIN_M, strict=True, allow_inf_nan=False)]
+Radii = Annotated[tuple[Radius, Radius], AfterValidator(_ascending)]
 Few = Annotated[int, Field(ge=0, le=THINGS_MAX, strict=True)]
 Some = Annotated[int, Field(ge=1, le=THINGS_MAX, strict=True)]
 Corners = Annotated[int, Field(ge=3, le=CORNERS_MAX, strict=True)]
@@ -41,7 +44,7 @@ class Scatter:
     """Discs at random places: from and up to how many, and of which radii [m]."""
 
     count: CountSpan
-    radius_m: Span
+    radius_m: Radii
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -49,7 +52,7 @@ class Shards:
     """Convex polygons at random places: how many, in circles of which radii [m], with how many corners."""
 
     count: CountSpan
-    radius_m: Span
+    radius_m: Radii
     corners: CornerSpan
 
 
@@ -67,7 +70,7 @@ class Wander:
     """
 
     count: CountSpan
-    radius_m: Span
+    radius_m: Radii
     speed_mps: Span
     leg_m: Span
     polygon_share: Probability
