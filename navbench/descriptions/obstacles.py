@@ -120,12 +120,12 @@ class Mover:
             raise DescriptionError("speeds_mps: each leg must take a time that is finite and above 0")
         if self.outline:
             check_convex("outline", self.outline)
+            if any(math.hypot(corner.x_m, corner.y_m) > self.radius_m * (1.0 + 1e-9) for corner in self.outline):
+                raise DescriptionError(f"outline: must lie within the radius, {self.radius_m} m from its centre")
             ends = zip(self.outline, (*self.outline[1:], self.outline[0]), strict=True)
             turns = [a.x_m * b.y_m - a.y_m * b.x_m for a, b in ends]  # as seen from the centre
             if min(turns) < 0.0 < max(turns):
                 raise DescriptionError("outline: must hold its centre, x_m 0 and y_m 0")
-            if any(math.hypot(corner.x_m, corner.y_m) > self.radius_m * (1.0 + 1e-9) for corner in self.outline):
-                raise DescriptionError(f"outline: must lie within the radius, {self.radius_m} m from its centre")
 
     def _legs(self) -> Iterator[tuple[Point, Point, float]]:
         ends = (*self.waypoints[1:], self.waypoints[0]) if self.cyclic else self.waypoints[1:]
