@@ -178,10 +178,13 @@ def tune(arguments: Sequence[str]) -> int:
             record = run_tuning(
                 tuning, workers, lambda done, best: progress(f"best cost {best:.6g}, evaluations", done, tuning.budget)
             )
-    except BaseException:
+    except BaseException as error:
         results.abandon()
         discard_empty(path, there)
-        raise
+        if not isinstance(error, KeyboardInterrupt):
+            raise
+        print("navbench: interrupted; of a tuning nothing is kept before its end", file=sys.stderr)
+        return 130
     results.write_evaluations(tuning.key(), record.columns())
     placed += [_place(cell.with_parameters(record.best()), tuning.name) for cell in tuning.cells]
     results.begin([place for place, _ in placed], [tuning.key()], content)
