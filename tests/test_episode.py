@@ -373,7 +373,7 @@ def test_a_start_without_a_free_place_in_its_jitter_is_an_error() -> None:
     with a_runner(world, always(0.0)) as runner:
         assert len(runner.run(0)) == 2
     with a_runner(world, always(0.0), jitter=Jitter(0.9, 0.0)) as runner:
-        with pytest.raises(DescriptionError, match=r"start_jitter_m: .*world\.starts\[1\]"):
+        with pytest.raises(DescriptionError, match=r"start_jitter_m=0\.9: .*world\.starts\[1\]"):
             runner.run(0)
 
 
