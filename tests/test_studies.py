@@ -13,9 +13,10 @@ import pandas as pd
 import pytest
 
 from navbench.descriptions.description import DescriptionError
+from navbench.descriptions.record import CellKey
 from navbench.door.study_configuration import compose_study, compose_tuning
 from navbench.experiments.store import Results
-from navbench.experiments.studies import run_study
+from navbench.experiments.studies import Study, run_study
 from navbench.experiments.tunings import run_tuning
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
@@ -150,6 +151,11 @@ WRONG = {
         "tuning: random, overrides: [controller=pid",
         "tuning: magic, overrides: [controller=pid",
     ),
+    "cells[0]: must have one of `label` and `controllers`": ("printed, label: S.F.L.C.,", "printed,"),
+    "cells[1]: must have one of `label` and `controllers`": (
+        "label: random PID,",
+        "label: random PID, controllers: {S.F.L.C.: [controller=sflc]},",
+    ),
     "budget=5: must be at least 10": ("budget=12", "budget=5"),
     "report[0].name": ("{name: claims, title", "{name: horoscope, title"),
     "tolerance": ("{absolute: 0.05}", "{absolute: 0.05, relative: 0.1}"),
@@ -172,6 +178,23 @@ def test_a_wrong_study_is_refused_in_one_line(message: str, tmp_path: Path) -> N
         compose_study("wrong", str(tmp_path))
     assert any(words in str(refused.value) for words in message.split("|"))
     assert "\n" not in str(refused.value)
+
+
+def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "conf/study/smoke.yaml").read_text()
+    each = text[text.index("  - name: fair\n    label: S.F.L.C.") : text.index("claims:")]
+    together = (
+        "  - name: fair\n    controllers: {S.F.L.C.: [controller=sflc], untuned PID: [controller=pid]}\n"
+        "    overrides: [world=corner, start_jitter_m=0.03, start_heading_jitter_rad=0.5]\n"
+        "    episodes: 60\n    trajectories: false\n\n"
+    )
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/together.yaml").write_text(text.replace(each, together))
+
+    def cells(study: Study) -> list[tuple[str, str, CellKey]]:
+        return [(planned.name, planned.label, planned.cell.key()) for planned in study.cells]
+
+    assert cells(compose_study("together", str(tmp_path))) == cells(compose_study("smoke"))
 
 
 def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path) -> None:

@@ -4,17 +4,22 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from hydra import compose, version
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import ConfigRepository
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra._internal.hydra import Hydra
 from hydra._internal.utils import create_config_search_path
+from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.plugins.config_source import ConfigResult
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 from pydantic import Field
@@ -45,6 +50,7 @@ class CellSpec:
     Attributes:
         name: what they are there for; the cells of a comparison share it.
         label: what the report calls their controller.
+        controllers: instead of ``label``, several of them: what the report calls each, and its own further overrides.
         overrides: as on the command line.
         episodes: how many episodes each.
         seed: of every stream.
@@ -54,13 +60,25 @@ class CellSpec:
     """
 
     name: str
-    label: str
+    label: str = ""
+    controllers: Mapping[str, Words] | None = None
     overrides: Words
     episodes: Count = 1
     seed: Seed = 0
     tuning: str = ""
     tuning_seeds: tuple[Seed, ...] | None = None
     trajectories: Flag = True
+
+    def __post_init__(self) -> None:
+        """Check that the controllers are named in one way."""
+        if bool(self.label) == bool(self.controllers):
+            raise ValueError("must have one of `label` and `controllers`, the latter as `label: [overrides]`")
+
+    def labelled(self) -> dict[str, Words]:
+        """Return the overrides of each controller by its label."""
+        if self.controllers is None:
+            return {self.label: self.overrides}
+        return {label: (*own, *self.overrides) for label, own in self.controllers.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -99,6 +117,30 @@ class StudyFile:
     report: tuple[Mapping[str, Any], ...] = ()
 
 
+class _Files(ConfigRepository):
+    """The configuration's files, each read once: a study composes hundreds of cells from the same ones."""
+
+    def __init__(self, search_path: ConfigSearchPath) -> None:
+        """Begin with nothing read."""
+        super().__init__(search_path)
+        self._read: dict[str, ConfigResult | None] = {}
+
+    def initialize_sources(self, config_search_path: ConfigSearchPath) -> None:
+        """Look in other folders, and forget what was read."""
+        super().initialize_sources(config_search_path)
+        self._read = {}
+
+    def load_config(self, config_path: str) -> ConfigResult | None:
+        """Return a file's content, or None if there is none."""
+        if config_path not in self._read:
+            self._read[config_path] = super().load_config(config_path)
+        return self._read[config_path]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "_Files":
+        """Return a copy that shares what was read: Hydra copies the files' reader each time it composes."""
+        return copy(self)
+
+
 @contextmanager
 def composing(config_dir: str | None = None) -> Iterator[Compose]:
     """Give a function that composes a primary config with overrides, and returns it with the choices in its groups."""
@@ -118,7 +160,9 @@ def composing(config_dir: str | None = None) -> Iterator[Compose]:
         return config, choices
 
     version.setbase("1.3")
-    Hydra.create_main_hydra2("navbench", search_path)
+    loader = ConfigLoaderImpl(search_path)
+    loader.repository = _Files(search_path)
+    GlobalHydra.instance().initialize(Hydra("navbench", loader))
     try:
         yield composed
     finally:
@@ -171,14 +215,14 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
 
 def _cells(key: str, spec: CellSpec, composed: Compose) -> list[Planned]:
     planned = []
-    for overrides in _products(spec.overrides):
-        words = [*overrides, f"episodes={spec.episodes}", f"seed={spec.seed}"]
-        try:
-            cell = cell_of(*composed("run", words))
-        except DescriptionError as error:
-            raise DescriptionError(f"{key}: {error}") from None
-        cell = replace(cell, keep_trajectories=spec.trajectories)
-        planned.append(Planned(cell, spec.name, spec.label, spec.tuning, spec.tuning_seeds))
+    for label, overrides in spec.labelled().items():
+        for words in _products(overrides):
+            try:
+                cell = cell_of(*composed("run", [*words, f"episodes={spec.episodes}", f"seed={spec.seed}"]))
+            except DescriptionError as error:
+                raise DescriptionError(f"{key}: {error}") from None
+            cell = replace(cell, keep_trajectories=spec.trajectories)
+            planned.append(Planned(cell, spec.name, label, spec.tuning, spec.tuning_seeds))
     return planned
 
 
