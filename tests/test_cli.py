@@ -6,19 +6,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 import pytest
+from commands import NAVBENCH, Command, Done, in_a_process
 
 import navbench
 from navbench.descriptions.description import DescriptionError
 from navbench.door import cli
 from navbench.door.catalogue import CONF, files_of
 
-NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GO = ("controller=go_to_goal", "world=empty")
 
 MINE = """
@@ -43,40 +41,6 @@ goals: [{x_m: 0.5, y_m: 0}]
 goal_tolerance_m: 0.1
 time_limit_s: 30
 """
-
-
-class Done(NamedTuple):
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-Command = Callable[..., Done]
-
-
-@pytest.fixture
-def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
-    """Runs the command line in this process, in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "0")
-
-    def run(*words: str) -> Done:
-        sys.modules.pop("mine", None)
-        monkeypatch.setattr(sys, "argv", ["navbench", *words])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capfd.readouterr()
-        return Done(int(end.value.code or 0), out, err)
-
-    return run
-
-
-def in_a_process(folder: Path, *words: str) -> Done:
-    done = subprocess.run([NAVBENCH, *words], cwd=folder, capture_output=True, text=True, check=False)
-    return Done(done.returncode, done.stdout, done.stderr)
 
 
 def files_in(folder: Path) -> set[str]:

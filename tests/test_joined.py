@@ -67,6 +67,16 @@ def test_the_page_has_a_paragraph_and_a_link_for_each_study_those_of_papers_firs
     assert "## all: a title\n\nIt is small. [Report]" in text
 
 
+def test_the_first_findings_stand_below_a_study_s_paragraph(tmp_path: Path) -> None:
+    path = a_report(tmp_path, "one1999", [CLAIM], [])
+    report = path / "report.md"
+    report.write_text(
+        report.read_text().replace("## Claims", "## Findings\n\nSaid.\n\n- a\n- b\n- c\n- d\n\n## Claims")
+    )
+    text = write_joined(path.parent).read_text()
+    assert "[Report](one1999/report.md)\n\n- a\n- b\n- c\n\n## Claims by verdict" in text
+
+
 def test_claims_are_counted_by_study_and_by_evidence(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "Claims by verdict")
     assert ["one1999", "1", "0", "2", "0", "3"] in rows

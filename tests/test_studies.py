@@ -5,12 +5,12 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from commands import NAVBENCH, Command
 
 from navbench.descriptions.description import DescriptionError
 from navbench.descriptions.record import CellKey
@@ -19,7 +19,6 @@ from navbench.experiments.store import Results
 from navbench.experiments.studies import Study, run_study
 from navbench.experiments.tunings import run_tuning
 
-NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 RESULTS = Path(__file__).parents[1] / "results"
 COMMITTED = sorted(file.parent.name for file in RESULTS.glob("*/manifest.json"))
 KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look
@@ -236,13 +235,14 @@ def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path
         (["--fast"], "--fast: unknown flag"),
     ],
 )
-def test_a_wrong_tuning_is_refused_in_one_line(words: list[str], message: str, tmp_path: Path) -> None:
-    command = [NAVBENCH, "tune", "controller=pid", "tuner=pso", *words]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 2, done.stderr
-    assert message in done.stderr
-    assert done.stderr.startswith("navbench: ")
-    assert len(done.stderr.strip().splitlines()) == 1
+def test_a_wrong_tuning_is_refused_in_one_line(
+    words: list[str], message: str, command: Command, tmp_path: Path
+) -> None:
+    done = command("tune", "controller=pid", "tuner=pso", *words)
+    assert done.code == 2, done.err
+    assert message in done.err
+    assert done.err.startswith("navbench: ")
+    assert len(done.err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 

@@ -177,13 +177,22 @@ def test_who_never_was_in_a_state_regains_nothing(tmp_path: Path) -> None:
 
 # --- one passes first ---
 
+PASSING: dict[str, Any] = {
+    "column": "on",
+    "first": 0,
+    "second": 1,
+    "slow_mps": 0.2,
+    "fast_mps": 0.4,
+    "within_m": 1.0,
+    "settled_s": 0.0,
+}
 ONE_PASSES = ([0.5, 0.1, 0.3, 0.5, 0.5], [1, 1, 1, 0, 0])
 OTHER_FOLLOWS = ([0.5, 0.1, 0.1, 0.1, 0.5], [1, 1, 1, 1, 0])
 
 
 def passing(path: Path, one: Any = ONE_PASSES, other: Any = OTHER_FOLLOWS, **changes: Any) -> tuple[float, int]:
     fleet = [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((one, other))]
-    arguments = {"column": "on", "first": 0, "second": 1, "slow_mps": 0.2, "fast_mps": 0.4} | changes
+    arguments = PASSING | changes
     return share_of(value_of(reading_of(path, fleet), "share_passing_first", **arguments))
 
 
@@ -216,13 +225,27 @@ def test_the_other_may_follow_after_the_first_has_arrived_and_backing_is_as_slow
     assert passing(tmp_path / "backing", backing) == (0.0, 1)
 
 
+def test_who_never_meets_is_no_case_of_passing(tmp_path: Path) -> None:
+    fleet = [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((ONE_PASSES, OTHER_FOLLOWS))]
+    reading = reading_of(tmp_path, fleet)
+    assert value_of(reading, "share_passing_first", **PASSING) is not None
+    assert value_of(reading, "share_passing_first", **(PASSING | {"within_m": -1.0})) is None
+
+
+def test_a_state_that_is_back_at_once_was_not_left(tmp_path: Path) -> None:
+    flickers = ([0.5, 0.1, 0.3, 0.5, 0.5, 0.5], [1, 1, 1, 0, 1, 1])
+    follows = ([0.5, 0.1, 0.1, 0.1, 0.5, 0.5], [1, 1, 1, 1, 0, 0])
+    assert passing(tmp_path / "left", flickers, follows) == (1.0, 1)
+    assert passing(tmp_path / "back", flickers, follows, settled_s=1.5) == (0.0, 1)
+    assert passing(tmp_path / "to the end", ONE_PASSES, OTHER_FOLLOWS, settled_s=100.0) == (1.0, 1)
+
+
 def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
     def fleet(one: Any, other: Any) -> Fleet:
         return [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((one, other))]
 
     reading = reading_of(tmp_path, fleet(ONE_PASSES, OTHER_FOLLOWS), fleet(OTHER_FOLLOWS, ONE_PASSES))
-    arguments = {"column": "on", "first": 0, "second": 1, "slow_mps": 0.2, "fast_mps": 0.4}
-    assert share_of(value_of(reading, "share_passing_first", **arguments)) == (0.5, 2)
+    assert share_of(value_of(reading, "share_passing_first", **PASSING)) == (0.5, 2)
 
 
 # --- what none of them is given ---
@@ -235,7 +258,7 @@ def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
         {"name": "share_with_least", "column": "v_mps", "at_most": 1.0},
         {"name": "share_slowing", "column": "on", "within_s": 1.0},
         {"name": "share_regaining", "column": "on", "speed_mps": 1.0},
-        {"name": "share_passing_first", "column": "on", "first": 0, "second": 1, "slow_mps": 0.2, "fast_mps": 0.4},
+        {"name": "share_passing_first", **PASSING},
     ],
 )
 def test_cells_that_do_not_exist_are_an_error(arguments: dict[str, Any], tmp_path: Path) -> None:

@@ -113,7 +113,8 @@ class Measured(NamedTuple):
 def verdict(claim: Claim, measured: Measured | None) -> tuple[Verdict, str]:
     """Return the verdict on a claim and, where it does not speak for itself, the reason."""
     if measured is None or not math.isfinite(measured.value):
-        return "not_testable", "no case to measure it on"
+        compares = claim.measure.get("name") != "not_comparable"
+        return "not_testable", "no case to measure it on" if compares else "not comparable, as the statement says"
     away = abs(measured.value - claim.printed)
     width = claim.tolerance.width(claim.printed)
     agrees = "reproduced" if away <= width else "partly" if away <= 2.0 * width else "not_reproduced"

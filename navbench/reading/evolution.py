@@ -146,7 +146,7 @@ def gains(
         told.append(words)
     names = ["row", "pairs", "reached", "reached_low", "reached_high", "other", "other_low", "other_high"]
     names += [f"{metric}_{part}" for metric in ("length", "time") for part in ("printed", "decrease", "low", "high")]
-    headers = ["", "reached", "of the other", "difference", "length: printed [%]", "here [%]"]
+    headers = ["", "reached", "reached, compared with", "difference of shares", "length: printed [%]", "here [%]"]
     headers += ["time: printed [%]", "here [%]"]
     return save_table(out, file, pd.DataFrame(raw, columns=names), headers, told)
 

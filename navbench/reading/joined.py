@@ -1,6 +1,7 @@
 """One page over the reports of several studies, from what their folders hold: claims, manifest and report."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PAGE = "README.md"
+FINDINGS = 3  # of each study; its report holds all
 VERDICT_WORDS = (
     "Within its tolerance a claim is reproduced, within twice the tolerance partly. Evidence says what an agreement "
     "is worth: *free*, nothing about it was chosen by looking at the figure; *selected*, parameters were chosen by "
@@ -30,6 +32,7 @@ class Found(NamedTuple):
         name: its folder's name.
         title: its title.
         summary: what its report says first, in Markdown.
+        findings: the first of its report's findings, each a line of Markdown.
         errata: what its paper prints wrong or leaves open: where, printed, here.
         claims: its table of claims, with the columns of ``claims.csv``; no rows where it has none.
     """
@@ -37,6 +40,7 @@ class Found(NamedTuple):
     name: str
     title: str
     summary: str
+    findings: Sequence[str]
     errata: Sequence[Mapping[str, str]]
     claims: "pd.DataFrame"
 
@@ -77,9 +81,12 @@ def read_study(path: Path) -> Found:
         raise DescriptionError(
             f"{manifest}: not of a study's report, or of an older one; write it by {again}"
         ) from None
-    if not (path / "report.md").is_file():
-        raise DescriptionError(f"{path / 'report.md'}: missing")
-    return Found(path.name, title, summary, errata, read_claims(path / "claims.csv"))
+    report = path / "report.md"
+    if not report.is_file():
+        raise DescriptionError(f"{report}: missing")
+    findings = re.search(r"^## Findings$(.*?)^## ", report.read_text(), re.MULTILINE | re.DOTALL)
+    told = re.findall(r"^- .*$", findings[1], re.MULTILINE)[:FINDINGS] if findings else []
+    return Found(path.name, title, summary, told, errata, read_claims(path / "claims.csv"))
 
 
 def read_claims(file: Path) -> "pd.DataFrame":
@@ -109,7 +116,8 @@ def read_claims(file: Path) -> "pd.DataFrame":
 def _head(folder: Path) -> str:
     return (
         "# What the studies found\n\n"
-        "A paragraph a study, with the link to its report; then the claims of all papers together. "
+        "For each study what it is, the link to its report and the first of its findings; then the claims of all "
+        "papers together. "
         f"`navbench report join={folder.name}` writes this page from the studies' folders, and runs nothing.\n"
     )
 
@@ -118,7 +126,8 @@ def _paragraph(study: Found) -> str:
     claims = study.claims
     counted = [f"{int((claims['verdict'] == verdict).sum())} {_words(verdict)}" for verdict in VERDICTS]
     verdicts = f" {len(claims)} claims: {', '.join(counted)}." if len(claims) else ""
-    return f"## {study.title}\n\n{study.summary.strip()}{verdicts} [Report]({study.name}/report.md)\n"
+    findings = "\n".join(["", *study.findings, ""]) if study.findings else ""
+    return f"## {study.title}\n\n{study.summary.strip()}{verdicts} [Report]({study.name}/report.md)\n{findings}"
 
 
 def _counted(studies: Sequence[Found]) -> str:

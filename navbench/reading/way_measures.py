@@ -91,12 +91,21 @@ def share_regaining(reading: Reading, column: str, speed_mps: float, select: Sel
 
 
 def share_passing_first(
-    reading: Reading, column: str, first: int, second: int, slow_mps: float, fast_mps: float, select: Select
+    reading: Reading,
+    column: str,
+    first: int,
+    second: int,
+    slow_mps: float,
+    fast_mps: float,
+    within_m: float,
+    settled_s: float,
+    select: Select,
 ) -> Measured | None:
     """Return the share of episodes in which two robots in danger slow down, one passes, and the other follows.
 
-    In this order: both are in a state and slower than ``slow_mps``; the first is faster than the second while the
-    second is still in it; and, after the first has left it, the second is faster than ``fast_mps``.
+    In this order: both are near each other, in a state and slower than ``slow_mps``; the first is faster than the
+    second while the second is still in it; and, after the first has left it for a while, the second is faster than
+    ``fast_mps``. Episodes in which they are never in it near each other are left out.
 
     Args:
         reading: the study's results.
@@ -105,6 +114,8 @@ def share_passing_first(
         second: that of the other one.
         slow_mps: the speed below which both have slowed down [m/s].
         fast_mps: the speed above which the second has speeded up [m/s].
+        within_m: how near they meet, from centre to centre [m].
+        settled_s: how long the first must have left the state, or until its end [s].
         select: which cells.
     """
     held = []
@@ -116,10 +127,14 @@ def share_passing_first(
         length = min(len(ways[first]), len(ways[second]))
         v1, v2 = (ways[i]["v_mps"].to_numpy()[:length] for i in (first, second))
         on1, on2 = (ways[i][column].to_numpy()[:length] != 0.0 for i in (first, second))
+        (x1, y1), (x2, y2) = (ways[i][["x_m", "y_m"]].to_numpy()[:length].T for i in (first, second))
         late = ways[second]["v_mps"].to_numpy()
-        slowed = _first(on1 & on2 & (np.abs(v1) < slow_mps) & (np.abs(v2) < slow_mps), 0)
+        meet = on1 & on2 & (np.hypot(x1 - x2, y1 - y2) <= within_m)
+        if not meet.any():
+            continue
+        slowed = _first(meet & (np.abs(v1) < slow_mps) & (np.abs(v2) < slow_mps), 0)
         passed = None if slowed is None else _first(on2 & (v1 > v2), slowed)
-        left = None if passed is None else _first(~on1, passed)
+        left = None if passed is None else _first(_off_for(on1, ways[first]["t_s"].to_numpy(), settled_s), passed)
         held.append(left is not None and _first(late > fast_mps, left) is not None)
     return Measured.share(held)
 
@@ -210,6 +225,14 @@ def _first(holds: NDArray[np.bool_], begin: int) -> int | None:
     """Return the first place from ``begin`` on at which something holds."""
     found = np.flatnonzero(holds[begin:])
     return begin + int(found[0]) if len(found) else None
+
+
+def _off_for(on: NDArray[np.bool_], t_s: NDArray[np.float64], lasting_s: float) -> NDArray[np.bool_]:
+    """Return where a state is off and stays so for a while, or until its last row."""
+    nexts = np.flatnonzero(on)
+    following = np.searchsorted(nexts, np.arange(len(on)))  # of each row: the next one in which it is on
+    until_s = np.append(t_s[nexts], math.inf)[following]
+    return ~on & (until_s - t_s[: len(on)] >= lasting_s)
 
 
 def _ways(reading: Reading, select: Select) -> "Iterator[pd.DataFrame]":

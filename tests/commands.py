@@ -1,0 +1,25 @@
+"""The command line as the tests call it: in a process of its own, or by the fixture ``command`` in this one."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+NAVBENCH = str(Path(sys.executable).with_name("navbench"))
+
+
+class Done(NamedTuple):
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Done]
+
+
+def in_a_process(folder: Path, *words: str) -> Done:
+    done = subprocess.run([NAVBENCH, *words], cwd=folder, capture_output=True, text=True, check=False)
+    return Done(done.returncode, done.stdout, done.stderr)
