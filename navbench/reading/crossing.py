@@ -77,7 +77,11 @@ def crossed_tables(reading: Reading, out: Path, *, file: str, select: Select, gr
     }
     names = {"success": ["success", "low", "high", "episodes"], "time": ["time_s", "reached", "robots"]}
     names["length"] = ["path_length_m", "reached", "robots"]
-    parts = []
+    whole = [[c.group, c.world, c.label, *c.success, c.arrived, c.robots, c.time_s, c.length_m] for c in found]
+    every = ["drawn_for", "world", "label", *names["success"], "reached", "robots", "time_s", "path_length_m"]
+    together = pd.DataFrame(whole, columns=every)
+    write_table(out / "tables" / f"{file}.csv", together.to_csv(index=False))
+    parts = [f"All in one table, a row for each controller in each world: [CSV](tables/{file}.csv)\n"]
     for kind, (title, words) in told.items():
         raw = [[c.group, c.world, c.label, *columns[kind](c)] for c in found]
         rows = [
