@@ -2,6 +2,7 @@
 
 import functools
 import pickle
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import yaml
 from navbench.contract import Observation, Pose
 from navbench.descriptions.record import RobotRecord
 from navbench.door.catalogue import GROUPS, files_of
-from navbench.door.configuration import compose_cell, latest_sources
+from navbench.door.configuration import cell_of, latest_sources
+from navbench.door.study_configuration import composing
 from navbench.experiments.cells import Cell
 from navbench.loop.similarity import native_setup
 
@@ -21,11 +23,20 @@ FILES = [(group, name) for group in DESCRIBED for name in files_of(group, [CONF]
 CONTROLLERS, WORLDS = list(files_of("controller", [CONF])), list(files_of("world", [CONF]))
 KINDS = {"paper", "derived", "public", "tuned", "fitted", "assumed"}
 OUTSIDE = {"defaults", "sources"}
+CellOf = Callable[[str, str], Cell]
 
 
-@functools.cache
-def cell(controller: str, world: str) -> Cell:
-    return compose_cell(f"controller={controller}", f"world={world}", "world.time_limit_s=6.0")
+@pytest.fixture(scope="module")
+def cell() -> Iterator[CellOf]:
+    """Composes a controller in a world, for 6 s."""
+    with composing() as composed:
+
+        @functools.cache
+        def cell(controller: str, world: str) -> Cell:
+            words = (f"controller={controller}", f"world={world}", "world.time_limit_s=6.0")
+            return cell_of(*composed("run", words))
+
+        yield cell
 
 
 def load(group: str, name: str) -> dict[str, object]:
@@ -80,7 +91,7 @@ def test_every_parameter_carries_its_source(group: str, name: str) -> None:
 
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_every_controller_drives_in_every_world(controller: str, world: str) -> None:
+def test_every_controller_drives_in_every_world(cell: CellOf, controller: str, world: str) -> None:
     chosen = cell(controller, world)
     with chosen.runner() as runner:
         records = runner.run(0)
@@ -95,7 +106,7 @@ def test_every_controller_drives_in_every_world(controller: str, world: str) -> 
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_a_controller_is_deterministic_and_forgets_at_reset(controller: str) -> None:
+def test_a_controller_is_deterministic_and_forgets_at_reset(cell: CellOf, controller: str) -> None:
     def run() -> RobotRecord:
         with cell(controller, "deadlock").runner() as runner:
             runner.run(3)
@@ -108,7 +119,7 @@ def test_a_controller_is_deterministic_and_forgets_at_reset(controller: str) -> 
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_a_controller_can_be_sent_to_another_process_before_and_after_it_acts(controller: str) -> None:
+def test_a_controller_can_be_sent_to_another_process_before_and_after_it_acts(cell: CellOf, controller: str) -> None:
     chosen = cell(controller, "deadlock")
     setup = native_setup(chosen.robot, chosen.sensors.scaled_to(chosen.robot.radius_m), chosen.native)
     ranges = np.array([sensor.max_range_m for sensor in setup.sensors])

@@ -278,7 +278,7 @@ def test_readings_stay_analytic_while_robots_and_movers_drive_hit_arrive_and_are
                 contacts += len(simulator.advance(0.4 * k, 0.4)) + sum(simulator.touching)
                 poses = [pose_of(simulator, i) for i in range(4)]
                 for i, row in enumerate(simulator.rows()):
-                    if row[11]:
+                    if row[11] and k % 3 == 0:  # the check takes much longer than the drive
                         shapes = shapes_of(world, radius_m, poses, 0.4 * (k + 1), but=i)
                         got = simulator.ranges(i, row[7])
                         compared += len(assert_readings_are_analytic(got, sensors, poses[i], radius_m, shapes))
