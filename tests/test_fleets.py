@@ -17,7 +17,7 @@ from navbench.reading.claims import Measured
 from navbench.reading.evolution import evolution, gains
 from navbench.reading.figures import MOVER as MOVER_COLOUR
 from navbench.reading.figures import PALETTE
-from navbench.reading.fleet_figures import fleet_table, frames, wheel_velocities
+from navbench.reading.fleet_figures import _spans, fleet_table, frames, wheel_velocities
 from navbench.reading.fleets import fleets
 from navbench.reading.measures import measure
 from navbench.reading.stored import Reading
@@ -304,7 +304,7 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
     ahead = a_drive([0.3, 0.3], index=1, on=[1, 1])
     reading = store(tmp_path / "in", [(a_cell("A"), [[turning, ahead], [turning]])])
     panels = {"two": {"label": "A", "episode": 0}, "one": {"label": "A", "episode": 1}}
-    wheel_velocities(reading, tmp_path, file="w", caption="Wheels.", panels=panels, active="on")
+    wheel_velocities(reading, tmp_path, file="w", caption="Wheels.", panels=panels, active="on", marked="on")
     axes = np.array(kept[0].axes).reshape(2, 2)
     assert [[ax.axison for ax in row] for row in axes] == [[True, True], [True, False]]
     left, right = axes[0, 0].lines
@@ -315,6 +315,13 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
     assert [ax.get_xlabel() for ax in axes.ravel()] == ["", "t [s]", "t [s]", ""]
     assert axes[0, 1].xaxis.get_tick_params()["labelbottom"]  # the column ends there
     assert [ax.get_ylabel() for ax in axes[:, 0]] == ["R1 [m/s]", "R2 [m/s]"]
+    assert [text.get_text() for text in kept[0].legends[0].texts] == ["left", "right", "on (gaps below 0.5 s closed)"]
+
+
+def test_marked_spans_with_a_short_gap_are_one() -> None:
+    t_s = np.arange(0.0, 2.4, 0.2)
+    on = [0, 1, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0]
+    assert _spans(pd.DataFrame({"t_s": t_s, "on": on}), "on") == [pytest.approx((0.2, 0.8)), pytest.approx((1.4, 1.8))]
 
 
 # --- the table of fleets in a report ---

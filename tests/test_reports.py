@@ -124,6 +124,7 @@ REPORT: list[dict[str, Any]] = [
         "caption": "Wheels.",
         "panels": {"first": {"name": "fleet", "episode": 0}, "second": {"name": "fleet", "episode": 1}},
         "active": "at_obstacle",
+        "marked": "at an obstacle",
     },
     {
         "name": "fleet_table",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-OBSTACLE, MOVER, WALL = "#8d99ae", "#e9a03b", "#5c677d"
+OBSTACLE, MOVER, WALL = "#8d99ae", "#b497c9", "#5c677d"  # a mover is of no colour that a robot has
 COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
@@ -36,7 +36,7 @@ PALETTE = (  # Okabe and Ito's, for the colour-blind too; the first four near ao
     "#cc79a7",
     "#444444",
 )
-MARKERS = "osD^vP*"
+MARKERS = "osD^vP*X"  # one more than the colours that take turns, so that no two labels share both
 DASH = 5.0  # in line widths; labels whose lines coincide take turns in showing
 
 
@@ -58,12 +58,12 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
     for i, label in enumerate(dict.fromkeys(labels)):
         dashes = (0.0, ()) if i == 0 else (DASH * ((i - 1) % 3), (DASH, 2.0 * DASH))
         color = first if i == 0 else rest[(i - 1) % len(rest)]
-        found[label] = Style(color, dashes, MARKERS[(i + i // len(MARKERS)) % len(MARKERS)])
+        found[label] = Style(color, dashes, MARKERS[i % len(MARKERS)])
     return found
 
 
 def robot_color(index: int) -> str:
-    """Return the colour of one of a fleet's robots; the palette's second is nearly the movers'."""
+    """Return the colour of one of a fleet's robots; the palette's second is too near its first."""
     colors = (PALETTE[0], *PALETTE[2:])
     return colors[index % len(colors)]
 

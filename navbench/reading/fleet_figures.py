@@ -2,7 +2,7 @@
 
 import math
 import string
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 Select = Mapping[str, Any]
 WIDTH_INCHES, TITLE_INCHES = 2.5, 0.35  # of a frame
+ACTIVE = "#cccccc"
+GAP_S = 0.5  # between two marked spans: shorter ones are not drawn, or a flickering state is a barcode
 FRAMES = 10  # where no times are given, so many, evenly from the beginning to the end
 
 
@@ -76,7 +78,7 @@ def frames(
 
 
 def wheel_velocities(
-    reading: Reading, out: Path, *, file: str, caption: str, panels: Mapping[str, Select], active: str
+    reading: Reading, out: Path, *, file: str, caption: str, panels: Mapping[str, Select], active: str, marked: str
 ) -> str:
     """Return both wheels' speeds over time, a column an episode and a row a robot, with the spans of a state marked.
 
@@ -87,7 +89,10 @@ def wheel_velocities(
         caption: what the figure shows.
         panels: each column's title, and one cell of one episode.
         active: the column of the trace that is not 0 in the marked spans.
+        marked: what they are called.
     """
+    from matplotlib.patches import Patch
+
     chosen = {title: reading.select(**select).to_dict("records") for title, select in panels.items()}
     figure, axes = new_figure(max(map(len, chosen.values())), len(panels), 5.0, 1.7, sharex="col", sharey=True)
     for column, (title, rows) in zip(axes.T, chosen.items(), strict=True):
@@ -95,7 +100,7 @@ def wheel_velocities(
         for ax, row in zip(column, rows, strict=False):
             way = reading.way(row)
             for begin_s, end_s in _spans(way, active):
-                ax.axvspan(begin_s, end_s, color="#cccccc", linewidth=0.0, zorder=0)
+                ax.axvspan(begin_s, end_s, color=ACTIVE, linewidth=0.0, zorder=0)
             for side, color, name in ((-0.5, PALETTE[2], "left"), (0.5, PALETTE[0], "right")):
                 speed = way["v_mps"] + side * robot.track_m * way["w_radps"]
                 ax.step(way["t_s"], speed, where="post", color=color, linewidth=0.9, label=name)
@@ -106,8 +111,9 @@ def wheel_velocities(
         column[0].set_title(title)
         column[len(rows) - 1].set_xlabel("t [s]")
         column[len(rows) - 1].tick_params(labelbottom=True)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    handles, _ = axes[0, 0].get_legend_handles_labels()
+    handles.append(Patch(color=ACTIVE, label=f"{marked} (gaps below {GAP_S:g} s closed)"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return save_figure(figure, out, file, caption)
 
 
@@ -151,10 +157,15 @@ def fleet_table(
     return save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
 
 
-def _spans(way: "pd.DataFrame", column: str) -> Iterator[tuple[float, float]]:
-    """Yield when a state begins and ends [s]."""
+def _spans(way: "pd.DataFrame", column: str) -> list[tuple[float, float]]:
+    """Return when a state begins and ends [s], short gaps closed."""
     on: NDArray[np.bool_] = way[column].fillna(0.0).to_numpy() != 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     t_s = way["t_s"].to_numpy()
+    spans: list[tuple[float, float]] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        yield float(t_s[begin]), float(t_s[min(end, len(t_s) - 1)])
+        begin_s, end_s = float(t_s[begin]), float(t_s[min(end, len(t_s) - 1)])
+        if spans and begin_s - spans[-1][1] < GAP_S:
+            begin_s, _ = spans.pop()
+        spans.append((begin_s, end_s))
+    return spans

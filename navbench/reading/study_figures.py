@@ -11,6 +11,7 @@ from navbench.descriptions.description import describe
 from navbench.descriptions.robot import Robot
 from navbench.reading.figures import (
     PALETTE,
+    FloatArray,
     Style,
     draw_circle,
     draw_world,
@@ -73,7 +74,9 @@ def trajectories(
             _draw_way(ax, way, one, labels.index(row["label"]), row["tuning_seed"] > 0, robot.radius_m)
             draw_circle(ax, way["x_m"].iloc[0], way["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
-                ax.plot(way["x_m"].iloc[-1], way["y_m"].iloc[-1], "X", color=style[row["label"]].color, zorder=20)
+                size = 9.0 - 2.5 * min(labels.index(row["label"]), 2)  # of several at one place each is seen
+                end = way.iloc[-1]
+                ax.plot(end["x_m"], end["y_m"], "X", color=style[row["label"]].color, markersize=size, zorder=20)
         cut(ax, [way for _, way in ways], robot.radius_m)
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
@@ -170,7 +173,8 @@ def memberships(
         file: the files' name.
         caption: what the figure shows.
         table: the name of the described table: variable, term, x, degree at the sets' corners.
-        axes: for each variable its ``title``, and the ``low`` and ``high`` end of what is shown.
+        axes: for each variable its ``title``, and the ``low`` and ``high`` end of what is shown; with ``circle: true``
+            these are one direction, so that a set that leaves at one comes in at the other.
     """
     described = description(reading, table)
     figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
@@ -178,14 +182,24 @@ def memberships(
         sets = described[described["variable"] == variable]
         for i, (term, corners) in enumerate(sets.groupby("term", sort=False)):
             color = PALETTE[i % len(PALETTE)]
-            ax.plot(corners["x"], corners["degree"], color=color, linewidth=1.4)
-            top = corners[corners["degree"] == 1.0]["x"].clip(axis["low"], axis["high"])
-            ax.annotate(
-                str(term), (top.mean(), 1.0), (0, 3), textcoords="offset points", ha="center", color=color, fontsize=9
-            )
+            x, degree = _whole_set(corners["x"].to_numpy(), corners["degree"].to_numpy(), axis)
+            turn = axis["high"] - axis["low"]
+            for shift in (-turn, 0.0, turn) if axis.get("circle") else (0.0,):
+                ax.plot(x + shift, degree, color=color, linewidth=1.4)
+            top = corners[corners["degree"] == 1.0]["x"].clip(axis["low"], axis["high"]).mean()
+            side = {axis["low"]: "left", axis["high"]: "right"}.get(top, "center")
+            ax.annotate(str(term), (top, 1.0), (0, 3), textcoords="offset points", ha=side, color=color, fontsize=9)
         ax.set(xlim=(axis["low"], axis["high"]), ylim=(0.0, 1.2), xlabel=axis["title"], ylabel="degree")
         ax.margins(x=0.02)
     return save_figure(figure, out, file, caption)
+
+
+def _whole_set(x: FloatArray, degree: FloatArray, axis: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """Return a fuzzy set's corners, its plateau drawn to the axis's end where the set does not fall before it."""
+    before = [axis["low"]] if degree[0] == 1.0 and not axis.get("circle") else []
+    after = [axis["high"]] if degree[-1] == 1.0 and not axis.get("circle") else []
+    ones = [1.0] * len(before), [1.0] * len(after)
+    return np.concatenate([before, x, after]), np.concatenate([ones[0], degree, ones[1]])
 
 
 def surface(reading: Reading, out: Path, *, file: str, caption: str, table: str) -> str:
@@ -216,13 +230,16 @@ def _draw_way(ax: "Axes", way: "pd.DataFrame", style: Style, rank: int, faint: b
         ax.plot(x_m, y_m, color=style.color, linewidth=1.7, linestyle=style.dashes, zorder=5 + rank)
 
 
-def cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float) -> None:
-    """Cut a picture to a square around the ways, and no further than it reached."""
+def cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float, square: bool = True) -> None:
+    """Cut a picture to the ways, to a square or no wider and no higher than they, and no further than it reached."""
     limits = []
     for name, (low, high) in (("x_m", ax.get_xlim()), ("y_m", ax.get_ylim())):
         least = min(way[name].min() for way in ways) - MARGIN_RADII * radius_m
         most = max(way[name].max() for way in ways) + MARGIN_RADII * radius_m
         limits.append((max(least, low), min(most, high)))
+    if not square:
+        ax.set(xlim=limits[0], ylim=limits[1])
+        return
     width = max(high - low for low, high in limits)
     centres = [0.5 * (low + high) for low, high in limits]
     ax.set(
@@ -258,11 +275,12 @@ def number_places(
     """
     places: dict[tuple[float, float], list[str]] = {}
     for i, x_m, y_m in numbered:
-        ax.plot(x_m, y_m, "o", color="black", markersize=4, zorder=8)
+        ax.plot(x_m, y_m, "o", color="black", markerfacecolor="none", markersize=5, zorder=8)
         near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < near_m), (x_m, y_m))
         places.setdefault(near, []).append(str(i))
     for place, names in places.items():
-        ax.annotate(", ".join(names), place, offset, textcoords="offset points", fontsize=9, zorder=9)
+        ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.6}
+        ax.annotate(", ".join(names), place, offset, textcoords="offset points", fontsize=9, zorder=9, bbox=ground)
 
 
 def _frame(rows: Sequence[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame":
