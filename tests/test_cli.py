@@ -277,6 +277,14 @@ def test_a_users_file_does_not_hide_behind_one_of_the_same_name(command: Command
         check_refused(command(*words), "conf/world/empty.yaml: navbench has a world of that name; choose another one")
 
 
+def test_a_file_that_is_no_text_is_named(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "conf/controller").mkdir(parents=True)
+    (tmp_path / "conf/controller/mine.yaml").write_bytes(b"# \xff\nbuild: {}\n")
+    for words in (["controller=mine", "world=empty"], ["tune", "controller=mine"], ["study", "smoke"], ["list"]):
+        done = command(*words, "--config-dir", "conf")
+        check_refused(done, "conf/controller/mine.yaml: must be text in UTF-8; its byte 3 is none")
+
+
 # Results directories
 
 

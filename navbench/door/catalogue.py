@@ -25,10 +25,10 @@ def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
 
 
 def check_folder(folder: Path) -> None:
-    """Check that a user's folder is there, and that none of its files hides behind one of navbench's own.
+    """Check that a user's folder is there, that none of its files hides behind one of navbench's own, and all are text.
 
     Raises:
-        DescriptionError: there is no such folder, or one of its files has a name that is taken.
+        DescriptionError: there is no such folder, or one of its files has a name that is taken or is not in UTF-8.
     """
     if not folder.is_dir():
         raise DescriptionError(f"--config-dir={folder}: there is no such folder")
@@ -36,6 +36,10 @@ def check_folder(folder: Path) -> None:
         for file in sorted((folder / group).glob("*.yaml")):
             if (CONF / group / file.name).exists() and not file.samefile(CONF / group / file.name):
                 raise DescriptionError(f"{file}: navbench has a {group} of that name; choose another one")
+            try:
+                file.read_text(encoding="utf-8")
+            except UnicodeDecodeError as error:
+                raise DescriptionError(f"{file}: must be text in UTF-8; its byte {error.start + 1} is none") from None
 
 
 def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
