@@ -47,6 +47,10 @@ def test_only_the_piece_that_kills_its_process_is_lost() -> None:
     assert done == [(0, [2, 4]), (1, [6, -KILLER, 8]), (2, [10]), (3, [12])]
 
 
+def test_a_single_batch_that_kills_its_process_is_lost_alone_too() -> None:
+    assert dict(run(DOUBLE, [[1, KILLER]], workers=2)) == {0: [2, -KILLER]}
+
+
 def test_an_unknown_engine_is_refused() -> None:
     with pytest.raises(ValueError, match="engine=cloud: there is no such engine; allowed: local"):
         list(run(DOUBLE, [[1]], engine="cloud"))

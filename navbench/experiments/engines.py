@@ -43,7 +43,8 @@ def run(
         work: what to do.
         batches: what to do it on.
         engine: where: "local", this machine's cores.
-        workers: processes; None for one a core. One worker, or one batch, runs in this process.
+        workers: processes; None for one a core, and no more than there are batches. One runs in this process; a batch
+            that kills its process is survived with two or more asked for, even if it is the only one.
 
     Raises:
         ValueError: there is no such engine.
@@ -51,12 +52,12 @@ def run(
     """
     if engine not in ENGINES:
         raise ValueError(f"engine={engine}: there is no such engine; allowed: {', '.join(ENGINES)}")
-    count = min(workers or os.cpu_count() or 1, len(batches))
+    count = workers or min(os.cpu_count() or 1, len(batches))
     if count <= 1:
         for index, batch in enumerate(batches):
             yield index, work.do(batch)
     else:
-        yield from ENGINES[engine](work, batches, count)
+        yield from ENGINES[engine](work, batches, min(count, max(len(batches), 1)))
 
 
 def _run_locally(work: Work[Batch, Result], batches: Sequence[Batch], workers: int) -> Iterator[tuple[int, Result]]:

@@ -1,5 +1,6 @@
 """A study: tunings, then cells, some with what was tuned; what an earlier call finished is not run again."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,6 +70,7 @@ def run_study(study: Study, path: Path, workers: int | None, engine: str, report
     keys = [tuning.key() for tuning in study.tunings]
     results.begin([StudyCell(p.cell.key(), p.name, p.label) for p in study.cells if not p.tuning], keys, content)
     results.keep_only(["evaluations"], map(tuning_name, keys))
+    workers = workers or os.cpu_count() or 1  # so that a single batch left over can kill its process, and no more
     _run_tunings(study.tunings, results, workers, engine, report)
     placed = [(place, cell) for planned in study.cells for place, cell in _places(planned, study.tunings, results)]
     results.begin([place for place, _ in placed], keys, content)
