@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Select = Mapping[str, Any]
 THINNED_RADII = 0.015  # what a drawn way may stray from the driven one
+ROUNDED = 1e-4  # of an axis: its ends are printed numbers
 NAMED_APART, EDGE = 0.04, 0.015  # of an axis: between the names of two sets, and from its end
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 
@@ -190,12 +191,13 @@ def memberships(
     for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
         sets = described[described["variable"] == variable]
         tops: list[tuple[float, str, str]] = []
+        near = ROUNDED * (axis["high"] - axis["low"])
         for i, (term, corners) in enumerate(sets.groupby("term", sort=False)):
             color = PALETTE[i % len(PALETTE)]
             for x, degree in _shapes(corners, axis):
                 ax.plot(x, degree, color=color, linewidth=1.4)
                 top = x[degree > degree.max() - 1e-9]
-                if top.max() >= axis["low"] and top.min() <= axis["high"]:
+                if top.max() >= axis["low"] - near and top.min() <= axis["high"] + near:
                     low, high = top.clip(axis["low"], axis["high"])[[0, -1]]
                     tops.append((0.5 * (low + high), str(term), color))
         _name_sets(ax, tops, axis["low"], axis["high"])
