@@ -515,6 +515,7 @@ def test_the_first_label_keeps_its_colour_to_itself() -> None:
     assert found["label 0"].color == PALETTE[0]
     assert all(style.color != PALETTE[0] for label, style in found.items() if label != "label 0")
     assert len({style.color for style in list(found.values())[: len(PALETTE)]}) == len(PALETTE)
+    assert len(set(found.values())) == 20  # a colour comes again with another mark
 
 
 def test_a_thinned_line_keeps_its_ends_and_its_shape() -> None:

@@ -16,7 +16,7 @@ from navbench.mathematics.statistics import (
     share,
     win_ratio,
 )
-from navbench.reading.figures import new_figure, save_figure, styles
+from navbench.reading.figures import nested_width, new_figure, save_figure, styles
 from navbench.reading.markup import MISSING, between, number, save_table
 from navbench.reading.measures import RESAMPLING_SEED
 from navbench.reading.stored import Reading, outcomes, reached
@@ -217,11 +217,9 @@ def _sweep(
             at, intervals = [speed for speed, _ in swept], [interval for _, interval in swept]
             ax.plot(at, [i.value for i in intervals], "o-", color=SWEPT, label="PID at a constant speed", zorder=3)
             ax.fill_between(at, [i.low for i in intervals], [i.high for i in intervals], color=SWEPT, alpha=0.2)
-            for label in level:
-                interval = getattr(here[label], name)
-                ax.axhline(
-                    interval.value, color=style[label].color, linestyle=(0.0, style[label].dashes[1]), label=label
-                )
+            for i, label in enumerate(level):
+                interval, width = getattr(here[label], name), nested_width(i, len(level))
+                ax.axhline(interval.value, color=style[label].color, linewidth=width, label=label)
                 ax.axhspan(interval.low, interval.high, color=style[label].color, alpha=0.15, linewidth=0)
             ax.grid(alpha=0.3)
         column[0].set_title(world)

@@ -23,49 +23,59 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-OBSTACLE, MOVER, WALL = "#8d99ae", "#b497c9", "#5c677d"  # a mover is of no colour that a robot has
+OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
+MOVER_EDGE = "#5e3f96"
 COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
-PALETTE = (  # Okabe and Ito's, for the colour-blind too; the first four near aouf2019's red, yellow, blue and green
+PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness
     "#d55e00",
-    "#e69f00",
     "#0072b2",
     "#009e73",
-    "#56b4e9",
-    "#cc79a7",
     "#444444",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#882255",
+    "#999933",
 )
-MARKERS = "osD^vP*X"  # one more than the colours that take turns, so that no two labels share both
-DASH = 5.0  # in line widths; labels whose lines coincide take turns in showing
+MARKERS = "osD^vP*<p"
 
 
 class Style(NamedTuple):
-    """How the lines of one label are drawn in every figure of a report."""
+    """How one label is drawn in every figure of a report."""
 
     color: str
-    dashes: tuple[float, tuple[float, ...]]
     marker: str
 
 
 def styles(labels: Iterable[str]) -> dict[str, Style]:
-    """Return a style for each label, in their order: the first is drawn through, the others in shifted dashes.
+    """Return a style for each label, in their order.
 
-    The first label shares its colour with none; the others take turns with the rest of the palette.
+    The first label shares its colour with none; the others take turns with the rest of the palette, each turn with
+    other marks.
     """
     first, *rest = PALETTE
     found: dict[str, Style] = {}
     for i, label in enumerate(dict.fromkeys(labels)):
-        dashes = (0.0, ()) if i == 0 else (DASH * ((i - 1) % 3), (DASH, 2.0 * DASH))
-        color = first if i == 0 else rest[(i - 1) % len(rest)]
-        found[label] = Style(color, dashes, MARKERS[i % len(MARKERS)])
+        turn, place = divmod(i - 1, len(rest))
+        found[label] = Style(rest[place] if i else first, MARKERS[(i + 2 * turn) % len(MARKERS) if i else 0])
     return found
 
 
+def nested_width(rank: int, count: int) -> float:
+    """Return a line's width [points]: later ones are narrower and lie on top, so that lines that coincide all show.
+
+    Args:
+        rank: of the line, the lowest 0.
+        count: how many lines there are.
+    """
+    return 1.2 + 1.1 * (count - 1 - rank)
+
+
 def robot_color(index: int) -> str:
-    """Return the colour of one of a fleet's robots; the palette's second is too near its first."""
-    colors = (PALETTE[0], *PALETTE[2:])
-    return colors[index % len(colors)]
+    """Return the colour of one of a fleet's robots."""
+    return PALETTE[index % len(PALETTE)]
 
 
 def thinned(points: FloatArray, tolerance_m: float) -> FloatArray:
@@ -196,7 +206,7 @@ def draw_world(ax: "Axes", world: World, t_s: float | None = None) -> None:
     for mover in world.movers:
         points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
         if t_s is None:
-            ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=1.0, zorder=1)
+            ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=0.8, zorder=1)
         _draw_mover(ax, mover, *mover.place(t_s or 0.0))
     for goal in world.goals:
         ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
@@ -215,9 +225,9 @@ def _draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float) -> None:
 
     if mover.outline:
         corners = [(x_m + p.x_m, y_m + p.y_m) for p in mover.outline]
-        ax.add_patch(Polygon(corners, color=MOVER, alpha=0.8, zorder=3))
+        ax.add_patch(Polygon(corners, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8, zorder=3))
     else:
-        ax.add_patch(_circle(x_m, y_m, mover.radius_m, color=MOVER, alpha=0.8))
+        ax.add_patch(_circle(x_m, y_m, mover.radius_m, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8))
 
 
 def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float, color: str = "black") -> None:

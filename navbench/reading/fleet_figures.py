@@ -101,7 +101,7 @@ def wheel_velocities(
             way = reading.way(row)
             for begin_s, end_s in _spans(way, active):
                 ax.axvspan(begin_s, end_s, color=ACTIVE, linewidth=0.0, zorder=0)
-            for side, color, name in ((-0.5, PALETTE[2], "left"), (0.5, PALETTE[0], "right")):
+            for side, color, name in ((-0.5, PALETTE[1], "left"), (0.5, PALETTE[0], "right")):
                 speed = way["v_mps"] + side * robot.track_m * way["w_radps"]
                 ax.step(way["t_s"], speed, where="post", color=color, linewidth=0.9, label=name)
             ax.set_ylabel(f"R{row['robot_index'] + 1} [m/s]")

@@ -1,0 +1,131 @@
+"""What the pictures of ways share: how they are cut, and words beside places that cover neither ways nor obstacles."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.path import Path
+
+FloatArray = NDArray[np.float64]
+
+MARGIN_RADII = 3.0  # of a picture around the ways that it shows
+LEAST_RATIO = 0.4  # of the shorter side of a picture to its longer one
+SIDES = 16  # of a place, on which a word may stand
+BESIDE_POINTS = (12.0, 19.0, 28.0)  # from a place to the middle of the word beside it: where there is room first
+CLEAR_POINTS = 3.0  # of room suffice
+LETTER_POINTS = 3.0  # half a letter's width
+POINTS_PER_INCH = 72.0
+
+
+def cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float, square: bool = True) -> float:
+    """Cut a picture to a rectangle around the ways, and no further than it reached; return its height over its width.
+
+    Args:
+        ax: the picture of a world.
+        ways: trajectories.
+        radius_m: the robots' radius; 3 of them are left around the ways [m].
+        square: whether the picture is a square, as panels of one size are, or as narrow as its ways.
+    """
+    limits = []
+    for name, (low, high) in (("x_m", ax.get_xlim()), ("y_m", ax.get_ylim())):
+        least = min(way[name].min() for way in ways) - MARGIN_RADII * radius_m
+        most = max(way[name].max() for way in ways) + MARGIN_RADII * radius_m
+        limits.append((max(least, low), min(most, high)))
+    longest = max(high - low for low, high in limits)
+    sides = [longest if square else max(high - low, LEAST_RATIO * longest) for low, high in limits]
+    (left, right), (bottom, top) = [
+        (0.5 * (low + high - side), 0.5 * (low + high + side)) for (low, high), side in zip(limits, sides, strict=True)
+    ]
+    ax.set(xlim=(left, right), ylim=(bottom, top))
+    return float(sides[1] / sides[0])
+
+
+def number_places(
+    ax: "Axes", numbered: Sequence[tuple[int, float, float]], near_m: float, ways: Sequence["pd.DataFrame"]
+) -> None:
+    """Mark places by strokes across their way and write their numbers beside them, those of one place together.
+
+    Args:
+        ax: where to write, with everything else in its place.
+        numbered: each number with its x [m] and y [m].
+        near_m: what lies nearer than this to a place's first number stands with it [m].
+        ways: the trajectories that the numbers do not cover.
+    """
+    places: dict[tuple[float, float], list[str]] = {}
+    driven = np.concatenate([way[["x_m", "y_m", "heading_rad"]].to_numpy() for way in ways])
+    for i, x_m, y_m in numbered:
+        heading_rad = driven[np.argmin(np.hypot(*(driven[:, :2] - (x_m, y_m)).T)), 2]
+        stroke = (2, 2, float(np.degrees(heading_rad)))
+        ax.plot(x_m, y_m, marker=stroke, color="black", markersize=11, markeredgewidth=0.9, zorder=8)
+        near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < near_m), (x_m, y_m))
+        places.setdefault(near, []).append(str(i))
+    write_beside(ax, [(place, ", ".join(names)) for place, names in places.items()], ways)
+
+
+def write_beside(
+    ax: "Axes", words: Sequence[tuple[tuple[float, float], str]], ways: Sequence["pd.DataFrame"], radius_m: float = 0.0
+) -> None:
+    """Write words beside places, each near, and on the side that is farthest from ways, obstacles and other words.
+
+    Args:
+        ax: where to write, with everything else in its place.
+        words: each place's x, y [m] and its word.
+        ways: the trajectories.
+        radius_m: of what stands around each place [m].
+    """
+    from matplotlib.patheffects import Stroke
+
+    figure: Any = ax.figure
+    figure.draw_without_rendering()  # until then the axes are not where they will be
+    point = figure.dpi / POINTS_PER_INCH
+    radius = float(np.diff(ax.transData.transform([(0.0, 0.0), (radius_m, 0.0)])[:, 0])[0])
+    solid = [patch.get_path().transformed(patch.get_transform()) for patch in ax.patches]
+    taken = ax.transData.transform(np.concatenate([way[["x_m", "y_m"]].to_numpy() for way in ways]))
+    for (x_m, y_m), word in words:
+        place = ax.transData.transform((x_m, y_m))
+        width = LETTER_POINTS * point * len(word)
+        rooms: list[float] = []
+        offsets: list[FloatArray] = []
+        for away in BESIDE_POINTS:
+            offsets += _offsets(radius + away * point, width - LETTER_POINTS * point)
+            words_there = [_covered(place + offset, width, point) for offset in offsets[len(rooms) :]]
+            rooms += [_room(ax, word_there, solid, taken) for word_there in words_there]
+            if max(rooms) >= CLEAR_POINTS * point:
+                break
+        offset = offsets[int(np.argmax(rooms))]
+        taken = np.concatenate([taken, _covered(place + offset, width, point)])
+        look: dict[str, Any] = {
+            "textcoords": "offset points",
+            "ha": "center",
+            "va": "center",
+            "fontsize": 9,
+            "zorder": 30,
+        }
+        for effects in ([Stroke(linewidth=2.5, foreground="white")], []):  # a halo, and the word itself as text
+            ax.annotate(word, (x_m, y_m), tuple(offset / point), path_effects=effects, **look)
+
+
+def _offsets(away: float, wider: float) -> list[FloatArray]:
+    """Return where the middle of a word may stand, from its place [pixels]: so far, and so much farther sideways."""
+    angles = np.arange(SIDES) * (2.0 * math.pi / SIDES)
+    return list(np.column_stack([(away + wider) * np.cos(angles), away * np.sin(angles)]))
+
+
+def _covered(middle: FloatArray, width: float, point: float) -> FloatArray:
+    """Return (15, 2) points that a word covers [pixels]."""
+    x, y = np.meshgrid(np.linspace(-width, width, 5), np.array([-1.0, 0.0, 1.0]) * 2.0 * LETTER_POINTS * point)
+    return middle + np.column_stack([x.ravel(), y.ravel()])
+
+
+def _room(ax: "Axes", word: FloatArray, solid: "Sequence[Path]", taken: FloatArray) -> float:
+    """Return how far a word is from what is taken [whole pixels]; less than 0 over an obstacle or the frame."""
+    covers = any(path.contains_points(word).any() for path in solid)
+    outside = not all(ax.bbox.contains(*at) for at in word)
+    away = np.hypot(*(word[:, None] - taken[None]).reshape(-1, 2).T).min()
+    return float(round(away)) - 1e4 * covers - 1e5 * outside

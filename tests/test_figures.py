@@ -1,0 +1,152 @@
+"""What pictures show: words beside ways, chatter, ranges of what does not change, and fuzzy sets to their ends."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from stored import a_cell, a_record, store
+
+from navbench.reading import run_figures, study_figures
+from navbench.reading.run_figures import chatter, spells_on_the_way, time_series
+from navbench.reading.stored import Reading
+from navbench.reading.study_figures import memberships
+from navbench.reading.ways import cut, number_places
+
+HERE = {"label": "A"}
+CORNERS = [
+    ("bearing", "back", 0.5 * math.pi, 0.0),
+    ("bearing", "back", math.pi, 1.0),
+    ("bearing", "back", 1.5 * math.pi, 0.0),
+    ("bearing", "ahead", -math.pi, 0.0),
+    ("bearing", "ahead", 0.0, 1.0),
+    ("bearing", "ahead", math.pi, 0.0),
+    ("distance", "near", 0.0, 1.0),
+    ("distance", "near", 1.0, 0.0),
+    ("distance", "far", 0.0, 0.0),
+    ("distance", "far", 1.0, 1.0),
+]
+SETS = {name: [row[i] for row in CORNERS] for i, name in enumerate(("variable", "term", "x", "degree"))}
+
+
+@pytest.fixture
+def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Keeps the figures that sections draw, instead of saving them, which takes its time."""
+    figures: list[Figure] = []
+
+    def keep(figure: Figure, _out: Path, _stem: str, caption: str) -> str:
+        figures.append(figure)
+        return caption
+
+    for module in (run_figures, study_figures):
+        monkeypatch.setattr(module, "save_figure", keep)
+    return figures
+
+
+def a_reading(path: Path, behavior: list[float], **changes: Any) -> Reading:
+    """Return what a robot did that drove straight ahead, with its behaviours, one more than it acted upon."""
+    record = a_record(**changes)
+    traced = record.traces.copy()
+    traced[:, 0] = behavior
+    record = record._replace(traces=traced)
+    return store(path, [(a_cell("A"), [record])], descriptions={"it-sets": SETS})
+
+
+def drawn(ax: Axes, line: int) -> Any:
+    """Return the (n, 2) points of a line."""
+    return np.asarray(ax.lines[line].get_xydata())
+
+
+def test_jumps_there_and_back_are_chatter_and_steps_one_way_or_far_apart_are_not() -> None:
+    t_s = np.linspace(0.0, 20.0, 201)
+    values = np.zeros(201)
+    values[50:60:2] = 1.0  # there and back in each period
+    values[100:150] = 1.0  # for 5 s
+    values[160:] = np.minimum(np.arange(41) / 10.0, 1.0)  # a ramp of ten steps
+    assert (np.flatnonzero(chatter(t_s, values)) + 1).tolist() == list(range(50, 60))
+    assert not chatter(t_s, np.zeros(201)).any()
+
+
+def test_places_are_drawn_to_the_end_and_the_rest_is_held_over_its_periods(tmp_path: Path, kept: list[Figure]) -> None:
+    reading = a_reading(tmp_path / "in", [0.0, 1.0, 1.0, 0.0, 0.0], time_s=8.0)
+    series = {"place": {"x_m": "x"}, "behaviour": {"behavior": "b"}}
+    time_series(
+        reading,
+        tmp_path,
+        file="t",
+        caption="c",
+        panels={"": HERE},
+        series=series,
+        ticks={"behaviour": {"go": 0, "follow": 1}},
+    )
+    place, behavior = kept[0].axes
+    assert drawn(place, 0)[:, 0].tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
+    assert drawn(behavior, 0)[:, 0].tolist() == [0.0, 2.0, 2.0, 4.0, 4.0, 6.0, 6.0, 8.0]
+    assert drawn(behavior, 0)[:, 1].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0]
+    assert [tick.get_text() for tick in behavior.get_yticklabels()] == ["go", "follow"]
+
+
+def test_what_does_not_change_takes_the_range_of_its_row(tmp_path: Path, kept: list[Figure]) -> None:
+    drives = {"A": [0.0, 40.0, -60.0, 0.0, 0.0], "B": [0.0] * 5}
+    cells = []
+    for label, behavior in drives.items():
+        record = a_record()
+        traced = record.traces.copy()
+        traced[:, 0] = behavior
+        cells.append((a_cell(label), [record._replace(traces=traced)]))
+    reading = store(tmp_path / "in", cells)
+    panels = {label: {"label": label} for label in drives}
+    time_series(reading, tmp_path, file="t", caption="c", panels=panels, series={"b": {"behavior": "b"}})
+    assert kept[0].axes[0].get_ylim() == kept[0].axes[1].get_ylim()
+    time_series(reading, tmp_path, file="t", caption="c", panels={"": {"label": "B"}}, series={"b": {"behavior": "b"}})
+    assert kept[1].axes[0].get_ylim() == (-0.5, 0.5)
+
+
+def test_the_legend_of_a_way_names_only_what_drove(tmp_path: Path, kept: list[Figure]) -> None:
+    reading = a_reading(tmp_path / "in", [0.0, 1.0, 1.0, 1.0, 1.0])
+    values = {"go": 0.0, "follow": 1.0, "wait": 2.0}
+    spells_on_the_way(
+        reading, tmp_path, file="w", caption="c", select=HERE, column="behavior", values=values, least_periods=1
+    )
+    assert [text.get_text() for text in kept[0].legends[0].get_texts()] == ["go", "follow"]
+    (left, right), (bottom, top) = kept[0].axes[0].get_xlim(), kept[0].axes[0].get_ylim()
+    assert top - bottom == pytest.approx(0.4 * (right - left))  # a straight way leaves no empty square
+
+
+def test_a_number_stands_beside_its_way_within_the_frame() -> None:
+    figure = Figure(layout="constrained")
+    ax = figure.subplots()
+    ax.set(aspect="equal", xlim=(-10.0, 10.0), ylim=(-10.0, 10.0))
+    along = np.linspace(0.0, 3.0, 100)
+    way = pd.DataFrame({"x_m": along, "y_m": along, "heading_rad": np.full(100, 0.25 * math.pi)})
+    cut(ax, [way], 0.1)
+    number_places(ax, [(1, 0.0, 0.0), (2, 1.5, 1.5), (3, 3.0, 3.0)], 0.1, [way])
+    figure.draw_without_rendering()
+    points = ax.transData.transform(way[["x_m", "y_m"]].to_numpy())
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert {text.get_text() for text in ax.texts} == {"1", "2", "3"}
+    for box in boxes:
+        assert not any(box.contains(*point) for point in points)
+        assert ax.bbox.contains(*box.min)
+        assert ax.bbox.contains(*box.max)
+
+
+def test_fuzzy_sets_go_round_a_circle_and_on_where_their_variable_saturates(tmp_path: Path, kept: list[Figure]) -> None:
+    axes = {
+        "bearing": {"title": "bearing", "low": -3.1416, "high": 3.1416, "circle": True},
+        "distance": {"title": "distance", "low": 0.0, "high": 2.0, "saturates": True},
+    }
+    reading = a_reading(tmp_path / "in", [0.0] * 5)
+    memberships(reading, tmp_path, file="m", caption="c", table="it-sets", axes=axes)
+    bearing, distance = kept[0].axes
+    back = [drawn(bearing, i) for i in range(3)]  # a turn before, here, and a turn behind
+    assert max(
+        np.interp(-0.75 * math.pi, line[:, 0], line[:, 1], left=0.0, right=0.0) for line in back
+    ) == pytest.approx(0.5, abs=1e-4)
+    assert sorted(text.get_text() for text in bearing.texts) == ["ahead", "back", "back"]
+    assert drawn(distance, 1)[-1].tolist() == [2.0, 1.0]
+    assert drawn(distance, 0)[-1].tolist() == [1.0, 0.0]
