@@ -20,8 +20,8 @@ FINDINGS = 3  # of each study; its report holds all
 VERDICT_WORDS = (
     "Within its tolerance a claim is reproduced, within twice the tolerance partly. Evidence says what an agreement "
     "is worth: *free*, nothing about it was chosen by looking at the figure; *selected*, parameters were chosen by "
-    "success in such worlds; *fitted*, to this very figure or one beside it, so that an agreement is not testable; *layout unknown*, "
-    "the paper draws the world without numbers, so that a disagreement may be the layout's."
+    "success in such worlds; *fitted*, to this very figure or one beside it, so that an agreement is not testable; "
+    "*layout unknown*, the paper draws the world without numbers, so that a disagreement may be the layout's."
 )
 
 
