@@ -541,7 +541,11 @@ def test_ctrl_c_ends_a_run_quickly_and_keeps_what_was_finished(tmp_path: Path) -
     while run.poll() is None and not list(tmp_path.glob("here/episodes/part-*")):
         time.sleep(0.05)
     os.killpg(run.pid, signal.SIGINT)
-    out, err = run.communicate(timeout=20.0)
+    try:
+        out, err = run.communicate(timeout=20.0)
+    finally:
+        if run.poll() is None:  # or it would run for hours
+            os.killpg(run.pid, signal.SIGKILL)
     assert run.returncode == 130
     assert (out, err) == ("", "navbench: interrupted; what was finished is kept\n")
     kept = pd.concat([pd.read_parquet(part) for part in tmp_path.glob("here/episodes/part-*")])
