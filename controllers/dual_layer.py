@@ -29,11 +29,11 @@ from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
 from navbench.descriptions.description import STRICT, Flag, Positive, describe
-from navbench.mathematics.fuzzy import memberships
+from navbench.mathematics.fuzzy import FuzzyInference, memberships, remembered
 
 from .lei2014 import azimuth, danger_controller, directional_danger
 from .lei2014_hits import Hits
-from .lei2014_rules import BEHAVIORS, Variant, rule_base, started
+from .lei2014_rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
 from .lei2014_sets import FuzzySets, velocity_controller
 
 TRACE = (
@@ -105,12 +105,10 @@ class DualLayer:
             "obstacle_speed_max_mps": obstacle_speed_max_mps,
         }
         self._parameters = describe(Parameters, given, "build")
-        self._sets = describe(FuzzySets, sets, "sets")
         self.rules = rule_base(rules)
-        self.ddcfc = danger_controller(self._sets.eta_d_peaks, self._sets.eta_t_peaks, self._sets.danger_peaks)
-        self.vfc = velocity_controller(self._sets, self.rules, speed_max_mps, turn_max_radps)
+        self._sets, self.ddcfc, self.vfc = _layers(rules, speed_max_mps, turn_max_radps, sets)
         self._tables = tuple(self.ddcfc.tables)
-        self._behaviors = [[i for i, rule in enumerate(self.rules) if rule.behavior == name] for name in BEHAVIORS]
+        self._behaviors = np.array([BEHAVIORS.index(rule.behavior) for rule in self.rules])
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode with no scan remembered; nothing here is left to chance."""
@@ -129,7 +127,8 @@ class DualLayer:
         """Return speed and turning rate for what is dangerous where, and for where the target is."""
         x, y, psi = observation.pose
         pose = (x, y, psi)
-        obstacles = np.concatenate([self._hits(observation.ranges_m, pose), observation.discs])
+        hits, discs = self._hits(observation.ranges_m, pose), observation.discs
+        obstacles = np.concatenate([hits, discs]) if len(discs) else hits
         dangers = directional_danger(
             self._tables,
             self._thresholds,
@@ -140,8 +139,7 @@ class DualLayer:
         )
         theta_tar = azimuth(psi, math.atan2(observation.goal[1] - y, observation.goal[0] - x))
         v, w = self.vfc(theta_tar, *dangers)
-        strengths = self.vfc.strengths(theta_tar, *dangers)
-        strongest = [float(strengths[own].max()) for own in self._behaviors]
+        strongest = strongest_of_each(self.vfc.strengths(theta_tar, *dangers), self._behaviors)
         behavior = max(range(len(BEHAVIORS)), key=lambda i: (strongest[i], i))  # of equal ones the one with priority
         self._latest = dict(zip(TRACE, (*dangers, theta_tar, float(behavior), *strongest, v, w), strict=True))
         return Command(v, -w)  # psi' = -w, see lei2014
@@ -199,6 +197,16 @@ class DualLayer:
             ("dual layer, DDCFC in each direction", len(flat), first * len(directions) + second),
             ("one layer", len(flat), math.prod(flat)),
         ]
+
+
+@remembered
+def _layers(
+    rules: Variant, speed_max_mps: float, turn_max_radps: float, sets: Mapping[str, Any]
+) -> tuple[FuzzySets, FuzzyInference, FuzzyInference]:
+    """Return the checked sets, DDCFC and VFC for the parameters of ``DualLayer``."""
+    checked = describe(FuzzySets, sets, "sets")
+    ddcfc = danger_controller(checked.eta_d_peaks, checked.eta_t_peaks, checked.danger_peaks)
+    return checked, ddcfc, velocity_controller(checked, rule_base(rules), speed_max_mps, turn_max_radps)
 
 
 def _columns(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, list[Any]]:

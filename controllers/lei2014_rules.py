@@ -31,7 +31,14 @@ are those of FO with the target ahead: 18 of ``literal``; 6 of ``safe``, where b
 """
 
 import itertools
+from functools import cache
 from typing import Literal, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.contract import FloatArray
 
 from .lei2014 import DANGERS
 
@@ -116,6 +123,7 @@ def speed(behavior: str, theta_tar: str, lddc: str, fddc: str, rddc: str) -> str
     return "VF" if (theta_tar, lddc, rddc) == ("C", "S", "S") else "F"  # Rule 3.3
 
 
+@cache
 def rule_base(variant: Variant) -> tuple[Rule, ...]:
     """Return the 81 rules of a variant, theta_tar first and RDDC last to run through its terms."""
     turning = {"literal": turn, "safe": safe_turn}[variant]
@@ -124,6 +132,20 @@ def rule_base(variant: Variant) -> tuple[Rule, ...]:
         behavior = started(*state)[-1]
         made.append(Rule(*state, behavior, speed(behavior, *state), turning(behavior, *state)))
     return tuple(made)
+
+
+@numba.njit(cache=True)
+def strongest_of_each(strengths: FloatArray, behaviors: NDArray[np.int64]) -> tuple[float, float, float]:
+    """Return the strength of the strongest rule of each of ``BEHAVIORS``.
+
+    Args:
+        strengths: (81,) of the rules.
+        behaviors: (81,) whose rule each is, by its number in ``BEHAVIORS``.
+    """
+    strongest = np.zeros(3)
+    for i in range(strengths.size):
+        strongest[behaviors[i]] = max(strongest[behaviors[i]], strengths[i])
+    return strongest[0], strongest[1], strongest[2]
 
 
 def worse(danger: str, other: str) -> bool:

@@ -46,7 +46,7 @@ from pydantic.dataclasses import dataclass
 from navbench.contract import Command, Observation, Setup
 from navbench.descriptions.description import STRICT, Flag, Positive, describe
 
-from .nemeiksis2019_blocks import FuzzyBlocks
+from .nemeiksis2019_blocks import fuzzy_blocks
 from .nemeiksis2019_switch import FRONT, LEFT, SwitchUnit, describe_modes, describe_patterns, pattern_of
 
 SENSOR_ROLES = tuple(f"s{i}" for i in range(1, 11))
@@ -132,7 +132,7 @@ class MultiAgent:
         """
         given = {"turn_gain_per_s": turn_gain_per_s, "bypass_reads_rear": bypass_reads_rear}
         self._drive = describe(Drive, given, "build")
-        self.switch, self.blocks = SwitchUnit(switch), FuzzyBlocks(blocks)
+        self.switch, self.blocks = SwitchUnit(switch), fuzzy_blocks(blocks)
         self._front = pattern_of(FRONT)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:

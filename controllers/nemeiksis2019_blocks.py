@@ -16,7 +16,7 @@ from typing import Any
 from pydantic.dataclasses import dataclass
 
 from navbench.descriptions.description import STRICT, Number, Positive, describe
-from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, memberships, rules_from_table
+from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, memberships, remembered, rules_from_table
 
 DISTANCES = ("C", "MD", "MF", "F")
 TURNS = ("BSR", "MSR", "SSR", "Z", "SSL", "MSL", "BSL")
@@ -227,6 +227,12 @@ class FuzzyBlocks:
             rows.append((name, len(flat), math.prod(flat.values()), 2 ** len(flat)))
         names = ("block", "inputs", "rules", "fire_at_most")
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+
+@remembered
+def fuzzy_blocks(parameters: Mapping[str, Any]) -> FuzzyBlocks:
+    """Return the blocks for a value for each field of ``Peaks``; raises as ``FuzzyBlocks`` does."""
+    return FuzzyBlocks(parameters)
 
 
 def _size(blocks: Iterable[FuzzyInference]) -> tuple[int, int, int]:

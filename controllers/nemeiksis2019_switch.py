@@ -7,6 +7,7 @@ table wherever it speaks. A pattern is a number: bit k is set where the sensor o
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -100,7 +101,8 @@ def completed_agent(pattern: int) -> str:
     return "destination"
 
 
-def agents_by_pattern(agents: Sequence[str]) -> tuple[int, ...]:
+@cache
+def agents_by_pattern(agents: tuple[str, ...]) -> tuple[int, ...]:
     """Return the agent of each pattern, (1024,), where only some agents exist; the first takes the missing ones'."""
     return tuple(AGENTS[name if name in agents else agents[0]] for name in map(completed_agent, PATTERNS))
 

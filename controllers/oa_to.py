@@ -35,6 +35,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
 from navbench.descriptions.description import STRICT, Number, Positive, describe
+from navbench.mathematics.fuzzy import FuzzyInference, remembered
 
 from .zhao2017 import SENSOR_ROLES, avoidance, target
 from .zhao2017_fuzzy import described, oa_flc, to_flc
@@ -124,14 +125,7 @@ class OaTo:
         self._thresholds = (chosen.safe_distance_m, chosen.safe_time_s, chosen.medium_time_s)
         self._output_gain = chosen.output_gain
         self._directions = tuple(getattr(special, name) for name in SpecialPhi.__dataclass_fields__)
-        self.oa = oa_flc(
-            describe(OaMemberships, oa_memberships, "build.oa_memberships"),
-            describe(OaRules, oa_rules, "build.oa_rules"),
-        )
-        self.to = to_flc(
-            describe(ToMemberships, to_memberships, "build.to_memberships"),
-            describe(ToRules, to_rules, "build.to_rules"),
-        )
+        self.oa, self.to = _fuzzy_controllers(oa_memberships, oa_rules, to_memberships, to_rules)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -188,3 +182,20 @@ class OaTo:
     def describe(self) -> dict[str, dict[str, list[Any]]]:
         """Return named tables for a report: memberships (Figs 3 and 5), rules (Tables 1 and 2)."""
         return described(self.oa, self.to)
+
+
+@remembered
+def _fuzzy_controllers(
+    oa_memberships: Mapping[str, Any], oa_rules: Mapping[str, Any], to_memberships: Mapping[str, Any],
+    to_rules: Mapping[str, Any],
+) -> tuple[FuzzyInference, FuzzyInference]:  # fmt: skip
+    """Return OA-FLC and TO-FLC for the parameters of ``OaTo``."""
+    oa = oa_flc(
+        describe(OaMemberships, oa_memberships, "build.oa_memberships"),
+        describe(OaRules, oa_rules, "build.oa_rules"),
+    )
+    to = to_flc(
+        describe(ToMemberships, to_memberships, "build.to_memberships"),
+        describe(ToRules, to_rules, "build.to_rules"),
+    )
+    return oa, to

@@ -30,7 +30,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
 from navbench.descriptions.description import STRICT, Number, describe
-from navbench.mathematics.fuzzy import FuzzyInference, Variable, memberships
+from navbench.mathematics.fuzzy import FuzzyInference, Variable, memberships, remembered
 
 from .aouf2019 import SENSOR_ROLES
 from .aouf2019_behaviors import Behaviors
@@ -160,6 +160,7 @@ def _columns(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, l
     return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
+@remembered
 def same_fuzzy_controller(
     heading_error_peaks_rad: Mapping[str, float],
     speed_peaks_mps: Mapping[str, float],

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, to_and_fro
 
 from navbench.contract import Pose
@@ -252,7 +253,7 @@ def test_readings_are_analytic_to_a_fraction_of_the_radius(radius_m: float, moun
             poses = [pose_of(simulator, i) for i in range(3)]
             for i in range(3):
                 shapes = shapes_of(world, radius_m, poses, 0.0, but=i)
-                got = simulator.ranges(i, simulator.rows()[i][7])
+                got = simulator.ranges()[i]
                 errors += assert_readings_are_analytic(got, sensors, poses[i], radius_m, shapes)
     assert len(errors) > 2000
     assert np.percentile(errors, 99.0) < 4.5e-4
@@ -280,7 +281,7 @@ def test_readings_stay_analytic_while_robots_and_movers_drive_hit_arrive_and_are
                 for i, row in enumerate(simulator.rows()):
                     if row[11] and k % 3 == 0:  # the check takes much longer than the drive
                         shapes = shapes_of(world, radius_m, poses, 0.4 * (k + 1), but=i)
-                        got = simulator.ranges(i, row[7])
+                        got = simulator.ranges()[i]
                         compared += len(assert_readings_are_analytic(got, sensors, poses[i], radius_m, shapes))
                 if not simulator.running:
                     break
@@ -314,9 +315,9 @@ def test_a_cone_reads_the_nearest_of_its_rays(radius_m: float) -> None:
     for _ in range(10):
         world = clutter(rng, radius_m)
         with a_simulator(world, a_robot(radius_m), cones) as simulator:
-            together = simulator.ranges(0, 0.0)
+            together = simulator.ranges()[0]
         with a_simulator(world, a_robot(radius_m), single) as simulator:
-            each = simulator.ranges(0, 0.0).reshape(8, rays)
+            each = simulator.ranges()[0].reshape(8, rays)
         decided_aside += int((each.min(axis=1) < each[:, 2]).sum())
         assert together == pytest.approx(each.min(axis=1), rel=1e-9)
     assert decided_aside > 10
@@ -327,7 +328,7 @@ def test_one_ray_looks_straight_ahead_whatever_the_cone() -> None:
     sensors = Sensors(drawn_for_radius_m=1.0, mounts=(mount,), max_range_m=10.0, cone_half_angle_rad=0.5, rays=1)
     world = a_world(discs=(Disc(x_m=5.0, y_m=2.0, radius_m=0.5), Disc(x_m=8.0, y_m=0.0, radius_m=1.0)))
     with a_simulator(world, a_robot(), sensors) as simulator:
-        assert simulator.ranges(0, 0.0) == pytest.approx([6.0], abs=1e-6)
+        assert simulator.ranges()[0] == pytest.approx([6.0], abs=1e-6)
 
 
 def test_a_mounts_own_reach_and_cone_stand_before_the_rings() -> None:
@@ -339,14 +340,14 @@ def test_a_mounts_own_reach_and_cone_stand_before_the_rings() -> None:
     sensors = Sensors(drawn_for_radius_m=1.0, mounts=mounts, max_range_m=10.0)
     world = a_world(discs=(Disc(x_m=6.0, y_m=0.0, radius_m=1.0), Disc(x_m=0.0, y_m=3.0, radius_m=1.0)))
     with a_simulator(world, a_robot(), sensors) as simulator:
-        assert simulator.ranges(0, 0.0) == pytest.approx([5.0, 4.0, 2.0], abs=1e-6)
+        assert simulator.ranges()[0] == pytest.approx([5.0, 4.0, 2.0], abs=1e-6)
 
 
 def test_the_most_rays_that_are_allowed_at_once_still_see() -> None:
     mount = Mount(role="all round", x_m=0.0, y_m=0.0, heading_rad=math.pi)
     eye = Sensors(drawn_for_radius_m=1.0, mounts=(mount,), max_range_m=9.0, cone_half_angle_rad=math.pi, rays=RAYS_MAX)
     with a_simulator(a_world(discs=(Disc(x_m=4.0, y_m=0.5, radius_m=1.0),)), a_robot(), eye) as simulator:
-        assert simulator.ranges(0, 0.0) == pytest.approx([math.hypot(4.0, 0.5) - 1.0], abs=1e-6)
+        assert simulator.ranges()[0] == pytest.approx([math.hypot(4.0, 0.5) - 1.0], abs=1e-6)
 
 
 @pytest.mark.parametrize("radius_m", RADII)
@@ -360,7 +361,7 @@ def test_a_scene_far_from_the_origin_reads_the_same(radius_m: float) -> None:
         for dx, dy in ((0.0, 0.0), (far_x, far_y)):
             discs = tuple(Disc(x_m=x + dx, y_m=y + dy, radius_m=0.4 * radius_m) for x, y in shapes)
             with a_simulator(a_world(discs=discs), a_robot(radius_m), sensors, poses=[Pose(dx, dy, 0.4)]) as simulator:
-                kept.append(simulator.ranges(0, 0.0) / radius_m)
+                kept.append(simulator.ranges()[0] / radius_m)
         assert kept[1] == pytest.approx(kept[0], abs=1e-6)
         assert kept[0].min() < 8.0
 
@@ -368,7 +369,7 @@ def test_a_scene_far_from_the_origin_reads_the_same(radius_m: float) -> None:
 def beside(sensors: Sensors, disc: Disc) -> float:
     """Return the only reading of a robot of radius 1 at the origin beside one disc."""
     with a_simulator(a_world(discs=(disc,)), a_robot(), sensors) as simulator:
-        (reading,) = simulator.ranges(0, simulator.rows()[0][7]).tolist()
+        (reading,) = simulator.ranges()[0].tolist()
     return float(reading)
 
 
@@ -405,8 +406,8 @@ def test_a_free_ring_reads_its_largest_range_and_not_a_hair_more() -> None:
     sensors = a_ring(7, 1.0, 2.9, 1.3)
     world = a_world(discs=(Disc(x_m=0.0, y_m=5.5, radius_m=1.0),))  # near enough to be asked for, seen by no ray
     with a_simulator(world, a_robot(), sensors) as simulator:
-        asked = simulator.ranges(0, 0.0)
-        skipped = simulator.ranges(0, 100.0)
+        skipped = simulator.ranges()[0]
+        asked = cautious(simulator).ranges()[0]
     assert asked.tolist() == skipped.tolist() == [2.9] * 7
 
 
@@ -416,8 +417,12 @@ def test_a_free_ring_reads_its_largest_range_and_not_a_hair_more() -> None:
 def cautious(simulator: Simulator) -> Simulator:
     """Make a simulator ask PyBullet for every ray."""
     rays = simulator._rays
-    rays.reach_m = math.inf
-    rays.near = lambda *_: np.arange(len(rays.begins))  # type: ignore[method-assign]
+
+    def all_of_them(robots: NDArray[np.void], *_: object) -> tuple[list[int], list[int]]:
+        count = len(rays.begins)
+        return list(range(count)) * len(robots), [count * i for i in range(len(robots) + 1)]
+
+    rays.near = all_of_them  # type: ignore[method-assign]
     return simulator
 
 
@@ -436,7 +441,8 @@ def test_asking_pybullet_only_where_something_is_near_changes_nothing(
                 cautious(s)
             for k in range(40):
                 rows = s.rows()
-                kept.append([(i, s.ranges(i, row[7]).tolist()) for i, row in enumerate(rows) if row[11]])
+                ranges = s.ranges().tolist()
+                kept.append([(i, ranges[i]) for i, row in enumerate(rows) if row[11]])
                 for i in range(len(rows)):
                     s.command(i, rng.uniform(-0.5, 1.0) * radius_m, rng.uniform(-2.0, 2.0))
                 kept.append([s.advance(0.3 * k, 0.3), s.touching, s.contacts, [row[:3] for row in s.rows()]])
@@ -456,7 +462,7 @@ def test_asking_pybullet_only_where_something_is_near_changes_nothing(
 
 def reading_towards(simulator: Simulator) -> float:
     """Return the first robot's only reading."""
-    return float(simulator.ranges(0, simulator.rows()[0][7])[0])
+    return float(simulator.ranges()[0, 0])
 
 
 AHEAD = Sensors(
@@ -893,7 +899,7 @@ def test_a_mover_over_a_standing_robot_is_one_contact_and_reads_0_where_a_ray_be
             drive(simulator, [(0.0, 0.0)], 0.1, first_period=k)
             place = complex(6.0 - 0.1 * (k + 1), 0.3)
             assert simulator.touching == [abs(place) <= 1.8]
-            got = simulator.ranges(0, simulator.rows()[0][7])
+            got = simulator.ranges()[0]
             inside = [abs(complex(mount.x_m, mount.y_m) - place) < 0.8 for mount in sensors.mounts]
             buried += sum(inside)
             assert (got[inside] == 0.0).all()
@@ -944,10 +950,9 @@ def test_a_reset_forgets_the_last_episode(accel_mps2: float | None) -> None:
                 drive(simulator, [(0.3, 0.4 * math.sin(k))], 0.9, first_period=k)
             assert fresh.robots.tobytes() == used.robots.tobytes()
             assert fresh.contacts == used.contacts
-            for i in range(3):
-                assert fresh.ranges(i, 0.0).tobytes() == used.ranges(i, 0.0).tobytes()
+            assert fresh.ranges().tobytes() == used.ranges().tobytes()
 
 
 def test_a_ring_without_sensors_reads_nothing() -> None:
     with a_simulator(a_world(discs=(Disc(x_m=2.5, y_m=0.0, radius_m=1.0),)), a_robot(), BLIND) as simulator:
-        assert simulator.ranges(0, simulator.rows()[0][7]).shape == (0,)
+        assert simulator.ranges().shape == (1, 0)

@@ -162,8 +162,9 @@ class EpisodeRunner:
         """Let every running robot observe and act, then move all; keep what they did and return their new rows."""
         simulator = self._simulator
         active = [i for i, row in enumerate(before) if row[11]]
+        ranges = simulator.ranges()
         for i in active:
-            self._act(pilots[i], i, t_s, before[i])
+            self._act(pilots[i], i, t_s, before[i], ranges[i])
         events = simulator.advance(t_s, dt_s) if simulator.running else []
         ends = {event.robot_index: event for event in events}
         after = simulator.rows()
@@ -185,13 +186,13 @@ class EpisodeRunner:
                 pilot.perception.travel(left, right, duration)
         return after
 
-    def _act(self, pilot: _Pilot, index: int, t_s: float, row: tuple[float, ...]) -> None:
+    def _act(self, pilot: _Pilot, index: int, t_s: float, row: tuple[float, ...], ranges_m: FloatArray) -> None:
         """Let one robot observe and act; what it does wrong ends it with a reason."""
         simulator = self._simulator
         speed = (0.5 * (row[3] + row[4]), (row[4] - row[3]) / self._robot.track_m)
         discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
         observation = pilot.perception.observe(
-            t_s, Pose(row[0], row[1], row[2]), speed, simulator.ranges(index, row[7]), simulator.touching[index], discs
+            t_s, Pose(row[0], row[1], row[2]), speed, ranges_m, simulator.touching[index], discs
         )
         try:
             begin = time.perf_counter()

@@ -122,10 +122,10 @@ class Perception:
         """Return the discs in range, with the tracker's errors, in the frame of the believed pose."""
         tracker = self._sensors.tracker
         assert tracker is not None
-        away = np.hypot(discs[:, 0] - true_pose.x_m, discs[:, 1] - true_pose.y_m) - discs[:, 2]
-        seen: FloatArray = discs[away <= tracker.range_m].copy()
+        in_range = np.hypot(discs[:, 0] - true_pose.x_m, discs[:, 1] - true_pose.y_m) - discs[:, 2] <= tracker.range_m
+        seen: FloatArray = discs[in_range]
         if self._tracker_rng is not None:
-            errors = self._tracker_rng.standard_normal((len(discs), 2))[away <= tracker.range_m]
+            errors = self._tracker_rng.standard_normal((len(discs), 2))[in_range]
             seen[:, :2] += tracker.position_noise_std_m * errors
         if self._drifts:
             turn = pose.heading_rad - true_pose.heading_rad

@@ -161,10 +161,17 @@ def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     robot.left_mps, robot.right_mps = 0.0, 0.0
 
 
-def velocity(row: tuple[float, ...]) -> tuple[float, float]:
-    """Return a robot's velocity (vx, vy) [m/s] from its row of ``ROBOT``; an ended one stands."""
-    v = 0.5 * (row[3] + row[4]) if row[11] else 0.0
-    return v * math.cos(row[2]), v * math.sin(row[2])
+@numba.njit(cache=True)
+def other_robots(robots: RobotArray, index: int, radius_m: float) -> FloatArray:
+    """Return all robots but one as discs: (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
+    discs = np.empty((robots.shape[0] - 1, 5))
+    for i in range(robots.shape[0]):
+        if i != index:
+            robot = robots[i]
+            v = 0.5 * (robot.left_mps + robot.right_mps) if robot.running else 0.0
+            heading = robot.heading_rad
+            discs[i - (i > index)] = robot.x_m, robot.y_m, radius_m, v * math.cos(heading), v * math.sin(heading)
+    return discs
 
 
 @numba.njit(cache=True)

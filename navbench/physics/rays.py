@@ -59,23 +59,33 @@ class Rays:
         self.exposed_m = exposed - radius_m
 
     def near(
-        self, robots: NDArray[np.void], index: int, boxes: FloatArray, discs: FloatArray, polygons: FloatArray
-    ) -> NDArray[np.int64]:
-        """Return the numbers of the rays that may hit something, and of some that pass it by a hair.
+        self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
+    ) -> tuple[list[int], list[int]]:
+        """Return the numbers of the running robots' rays that may hit something, and of some that pass it by a hair.
 
         Args:
             robots: (n,) of ``ROBOT``.
-            index: whose rays.
             boxes: (k, 6) as in ``World.box_rows``.
             discs: (m, 5) as in ``World.disc_rows``.
             polygons: (l, ...) as in ``World.polygon_rows``.
-        """
-        return _near(robots, index, self._radius_m, self._points, self._tips, boxes, discs, polygons)
 
-    def read(self, rays: NDArray[np.int64], fractions: list[float]) -> FloatArray:
-        """Return the readings (n_sensors,) [m] for the fraction of each of some rays that is free."""
-        ranges = self.nothing.copy()
-        _nearest_of_each(rays, np.array(fractions), self._lengths, self._offsets, self._sensors, ranges)
+        Returns:
+            All robots' numbers in a row, and for each robot, how many came before it, with their sum as the last.
+        """
+        found, before = _near(
+            robots, self._radius_m, self.reach_m, self._points, self._tips, boxes, discs, polygons
+        )
+        return found.tolist(), before.tolist()
+
+    def read(self, rays: list[int], before: list[int], fractions: list[float]) -> FloatArray:
+        """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``near``."""
+        ranges = np.empty((len(before) - 1, len(self.nothing)))
+        ranges[:] = self.nothing
+        if rays:
+            _nearest_of_each(
+                np.array(rays), np.array(before), np.array(fractions), self._lengths, self._offsets, self._sensors,
+                ranges,
+            )  # fmt: skip
         return ranges
 
     def bury(
@@ -107,53 +117,61 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
 @numba.njit(cache=True)
 def _nearest_of_each(
     rays: NDArray[np.int64],
+    before: NDArray[np.int64],
     fractions: FloatArray,
     lengths: FloatArray,
     offsets: FloatArray,
     sensors: NDArray[np.int64],
     ranges: FloatArray,
 ) -> None:
-    for k in range(rays.shape[0]):
-        ray, sensor = rays[k], sensors[rays[k]]
-        if fractions[k] < 1.0:
-            ranges[sensor] = min(ranges[sensor], max(fractions[k] * lengths[ray] - offsets[ray], 0.0))
+    for i in range(ranges.shape[0]):
+        for k in range(before[i], before[i + 1]):
+            ray, sensor = rays[k], sensors[rays[k]]
+            if fractions[k] < 1.0:
+                ranges[i, sensor] = min(ranges[i, sensor], max(fractions[k] * lengths[ray] - offsets[ray], 0.0))
 
 
 @numba.njit(cache=True)
 def _near(
     robots: NDArray[np.void],
-    index: int,
     radius_m: float,
+    reach_m: float,
     begins: FloatArray,
     ends: FloatArray,
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
-) -> NDArray[np.int64]:
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     hair = HAIR_RADII * radius_m
-    x, y, heading = robots[index].x_m, robots[index].y_m, robots[index].heading_rad
-    cosine, sine = math.cos(heading), math.sin(heading)
-    found = np.empty(begins.shape[0], np.int64)
+    found = np.empty(robots.shape[0] * begins.shape[0], np.int64)
+    before = np.empty(robots.shape[0] + 1, np.int64)
     count = 0
-    for ray in range(begins.shape[0]):
-        ax = x + cosine * begins[ray, 0] - sine * begins[ray, 1]
-        ay = y + sine * begins[ray, 0] + cosine * begins[ray, 1]
-        ux = cosine * (ends[ray, 0] - begins[ray, 0]) - sine * (ends[ray, 1] - begins[ray, 1])
-        uy = sine * (ends[ray, 0] - begins[ray, 0]) + cosine * (ends[ray, 1] - begins[ray, 1])
-        hit = False
-        for i in range(boxes.shape[0]):
-            hit = hit or _meets_box(ax, ay, ux, uy, boxes[i], hair)
-        for i in range(discs.shape[0]):
-            hit = hit or _meets_circle(ax, ay, ux, uy, discs[i, 0], discs[i, 1], discs[i, 2] + hair)
-        for i in range(polygons.shape[0]):
-            hit = hit or _meets_circle(ax, ay, ux, uy, polygons[i, 0], polygons[i, 1], polygons[i, 2] + hair)
-        for i in range(robots.shape[0]):
-            if i != index:
-                hit = hit or _meets_circle(ax, ay, ux, uy, robots[i].x_m, robots[i].y_m, radius_m + hair)
-        if hit:
-            found[count] = ray
-            count += 1
-    return found[:count]
+    for index in range(robots.shape[0]):
+        before[index] = count
+        if not robots[index].running or robots[index].clearance_m > reach_m:
+            continue
+        x, y, heading = robots[index].x_m, robots[index].y_m, robots[index].heading_rad
+        cosine, sine = math.cos(heading), math.sin(heading)
+        for ray in range(begins.shape[0]):
+            ax = x + cosine * begins[ray, 0] - sine * begins[ray, 1]
+            ay = y + sine * begins[ray, 0] + cosine * begins[ray, 1]
+            ux = cosine * (ends[ray, 0] - begins[ray, 0]) - sine * (ends[ray, 1] - begins[ray, 1])
+            uy = sine * (ends[ray, 0] - begins[ray, 0]) + cosine * (ends[ray, 1] - begins[ray, 1])
+            hit = False
+            for i in range(boxes.shape[0]):
+                hit = hit or _meets_box(ax, ay, ux, uy, boxes[i], hair)
+            for i in range(discs.shape[0]):
+                hit = hit or _meets_circle(ax, ay, ux, uy, discs[i, 0], discs[i, 1], discs[i, 2] + hair)
+            for i in range(polygons.shape[0]):
+                hit = hit or _meets_circle(ax, ay, ux, uy, polygons[i, 0], polygons[i, 1], polygons[i, 2] + hair)
+            for i in range(robots.shape[0]):
+                if i != index:
+                    hit = hit or _meets_circle(ax, ay, ux, uy, robots[i].x_m, robots[i].y_m, radius_m + hair)
+            if hit:
+                found[count] = ray
+                count += 1
+    before[-1] = count
+    return found[:count], before
 
 
 @numba.njit(cache=True)

@@ -31,9 +31,9 @@ from navbench.physics.motion import (
     hold,
     measure_clearance,
     move,
+    other_robots,
     scaled_poses,
     stop_at_arrival,
-    velocity,
 )
 from navbench.physics.rays import Rays
 from navbench.physics.scene import Scene, prism
@@ -120,6 +120,10 @@ class Simulator:
         if self.options.gui:
             self._look_from_above(world.bounds)
         self._names = {}
+        # without a shape to be seen PyBullet makes one of triangles for each sphere, which takes longer than all else
+        self._unseen = pybullet.createVisualShape(
+            pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 1.0], physicsClientId=self._client
+        )
         for i, box in enumerate(world.solids()):
             kind = f"box {i}" if i < len(world.boxes) else f"wall {i - len(world.boxes)}"
             self._add_box(kind, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
@@ -171,48 +175,38 @@ class Simulator:
 
     def tracked_discs(self, index: int) -> FloatArray:
         """Return discs, movers, circles around polygons and the other robots: (n, 5) x, y, radius, vx, vy [m, m/s]."""
-        return np.concatenate([self.scene.circles(), self._other_robots(index)])
-
-    def _other_robots(self, index: int) -> FloatArray:
-        """Return the other robots as discs: (n, 5) x, y, radius, vx, vy [m, m/s]."""
-        others = [
-            (row[0], row[1], self.robot.radius_m, *velocity(row)) for i, row in enumerate(self.rows()) if i != index
-        ]
-        return np.array(others).reshape(-1, 5)
+        return np.concatenate([self.scene.circles(), other_robots(self.robots, index, self.robot.radius_m)])
 
     def _measure_clearance(self) -> None:
         scene = self.scene
         measure_clearance(self.robots, scene.boxes, scene.discs, scene.polygons, self.robot.radius_m)
 
-    def ranges(self, index: int, clearance_m: float) -> FloatArray:
-        """Return what one robot's ring measures without noise: (n_sensors,) [m], largest range where nothing is.
+    def ranges(self) -> FloatArray:
+        """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
 
-        PyBullet is asked only for the rays that something is near enough to be hit by.
-
-        Args:
-            index: which robot.
-            clearance_m: its present clearance, as in its row of ``robots`` [m].
+        Where nothing is, and of robots that have ended, it is the largest range. PyBullet is asked only for the rays
+        that something is near enough to be hit by.
         """
         rays, scene = self._rays, self.scene
-        if clearance_m > rays.reach_m:
-            return rays.nothing.copy()
-        near = rays.near(self.robots, index, scene.boxes, scene.discs, scene.polygons)
-        hits: Sequence[tuple[Any, ...]] = ()
-        if len(near):
-            if not self._posed:
-                self._pose_bodies()
-            numbers = near.tolist()
-            hits = pybullet.rayTestBatch(
-                [rays.begins[ray] for ray in numbers],
-                [rays.ends[ray] for ray in numbers],
-                parentObjectUniqueId=self._robot_bodies[index],
-                physicsClientId=self._client,
-            )
-        ranges = rays.read(near, [hit[2] for hit in hits])
-        if self._ledger.touching[index] or clearance_m <= rays.exposed_m:
-            row = self.robots[index]
-            discs = np.concatenate([scene.discs, self._other_robots(index)])
-            rays.bury(ranges, row["x_m"], row["y_m"], row["heading_rad"], scene.boxes, discs, scene.polygons)
+        near, before = rays.near(self.robots, scene.boxes, scene.discs, scene.polygons)
+        fractions: list[float] = []
+        if near and not self._posed:
+            self._pose_bodies()
+        for body, first, stop in zip(self._robot_bodies, before, before[1:], strict=False):
+            if first < stop:
+                hits = pybullet.rayTestBatch(
+                    [rays.begins[ray] for ray in near[first:stop]],
+                    [rays.ends[ray] for ray in near[first:stop]],
+                    parentObjectUniqueId=body,
+                    physicsClientId=self._client,
+                )
+                fractions += [hit[2] for hit in hits]
+        ranges = rays.read(near, before, fractions)
+        for i, clearance_m in enumerate(self.robots["clearance_m"].tolist()):
+            if (self._ledger.touching[i] or clearance_m <= rays.exposed_m) and self.robots[i]["running"]:
+                row = self.robots[i]
+                others = np.concatenate([scene.discs, other_robots(self.robots, i, self.robot.radius_m)])
+                rays.bury(ranges[i], row["x_m"], row["y_m"], row["heading_rad"], scene.boxes, others, scene.polygons)
         return ranges
 
     def command(self, index: int, v_mps: float, w_radps: float) -> None:
@@ -345,11 +339,12 @@ class Simulator:
     ) -> int:
         radius = radius_m * self._scale
         shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client)
-        visual = -1
         if self.options.gui:
             visual = pybullet.createVisualShape(
                 pybullet.GEOM_CYLINDER, radius=radius, length=radius, rgbaColor=colour, physicsClientId=self._client
             )
+        else:
+            visual = self._unseen
         return self._add(name, shape, visual, mass, x_m, y_m, 0.0)
 
     def _add_mover(self, name: str, x_m: float, y_m: float, radius_m: float) -> int:
