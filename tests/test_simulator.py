@@ -418,9 +418,9 @@ def cautious(simulator: Simulator) -> Simulator:
     """Make a simulator ask PyBullet for every ray."""
     rays = simulator._rays
 
-    def all_of_them(robots: NDArray[np.void], *_: object) -> tuple[list[int], list[int]]:
+    def all_of_them(robots: NDArray[np.void], *_: object) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         count = len(rays.begins)
-        return list(range(count)) * len(robots), [count * i for i in range(len(robots) + 1)]
+        return np.tile(np.arange(count), len(robots)), count * np.arange(len(robots) + 1)
 
     rays.near = all_of_them  # type: ignore[method-assign]
     return simulator

@@ -51,18 +51,20 @@ def move(
     polygons: FloatArray,
     finish_line: FloatArray,
     dt_s: float,
+    substeps: int,
     radius_m: float,
     track_m: float,
     accel_max_mps2: float,
     lag_s: float,
     goal_tolerance_m: float,
+    margin_m: float,
     new_period: bool,
-) -> tuple[float, int]:
-    """Move every running robot through one substep, in place.
+    any_held: bool,
+) -> tuple[int, bool, bool]:
+    """Move every running robot, in place, until a substep that must be settled: then it is known where all stand.
 
-    Returns:
-        The least clearance of any running robot [m], and how many came to their goals. Clearances are those at the
-        substep's end; ``count_clearance`` counts them, once it is known where every robot stands.
+    Clearances are those at a substep's end, and are counted in those that need no settling; after one that does,
+    ``count_clearance`` counts them.
 
     Args:
         robots: (n,) of ``ROBOT``.
@@ -72,14 +74,45 @@ def move(
         polygons: (l, ...) as in ``World.polygon_rows``, at the substep's end.
         finish_line: (4,) its ends, or (0,) for none.
         dt_s: the substep [s].
+        substeps: how many at most; more than one only where nothing but the robots moves.
         radius_m: every robot's hull [m].
         track_m: distance between the wheels [m].
         accel_max_mps2: wheel-acceleration limit [m/s^2], infinite for none.
         lag_s: the wheels' time constant [s], 0 for none.
         goal_tolerance_m: how near the goal counts as arrived [m].
-        new_period: whether this substep is the first of a control period.
+        margin_m: a substep in which a robot comes this near to something must be settled [m].
+        new_period: whether the first substep is the first of a control period.
+        any_held: whether a contact lasts, so that every substep must be settled.
+
+    Returns:
+        How many substeps were made, whether the last one must be settled, and whether a robot came near in it.
     """
-    arrived = 0
+    for k in range(substeps):
+        arrived = _move_once(
+            robots, targets_mps, finish_line, dt_s, track_m, accel_max_mps2, lag_s, goal_tolerance_m,
+            new_period and k == 0,
+        )  # fmt: skip
+        near = measure_clearance(robots, boxes, discs, polygons, radius_m) <= margin_m
+        if near or arrived or any_held:
+            return k + 1, True, near
+        count_clearance(robots)
+    return substeps, False, False
+
+
+@numba.njit(cache=True)
+def _move_once(
+    robots: RobotArray,
+    targets_mps: FloatArray,
+    finish_line: FloatArray,
+    dt_s: float,
+    track_m: float,
+    accel_max_mps2: float,
+    lag_s: float,
+    goal_tolerance_m: float,
+    new_period: bool,
+) -> bool:
+    """Move every running robot through one substep and return whether one came to its goal."""
+    arrived = False
     for i in range(robots.shape[0]):
         robot = robots[i]
         if not robot.running:
@@ -99,13 +132,13 @@ def move(
             when, distance = closest_approach(x, y, heading, v, w, dt_s, robot.goal_x_m, robot.goal_y_m)
             if distance <= goal_tolerance_m:
                 robot.arrival_s = when
-        arrived += robot.arrival_s != NOT_YET
+        arrived = arrived or robot.arrival_s != NOT_YET
         robot.x_m, robot.y_m, robot.heading_rad = end_x, end_y, wrap_angle(end_heading)
         robot.left_mean_mps, robot.right_mean_mps = left, right
         if new_period:
             robot.left_travel_m, robot.right_travel_m = 0.0, 0.0
         _count(robot, dt_s, track_m)
-    return measure_clearance(robots, boxes, discs, polygons, radius_m), arrived
+    return arrived
 
 
 @numba.njit(cache=True)

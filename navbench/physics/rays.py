@@ -10,6 +10,7 @@ from navbench.descriptions.sensors import Sensors
 from navbench.mathematics.geometry import distance_to_nearest
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 HAIR_RADII = 0.01  # more than the engine's own tolerance, 0.001 units where a radius has 4 or more
 
@@ -60,7 +61,7 @@ class Rays:
 
     def near(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
-    ) -> tuple[list[int], list[int]]:
+    ) -> tuple[IntArray, IntArray]:
         """Return the numbers of the running robots' rays that may hit something, and of some that pass it by a hair.
 
         Args:
@@ -70,23 +71,14 @@ class Rays:
             polygons: (l, ...) as in ``World.polygon_rows``.
 
         Returns:
-            All robots' numbers in a row, and for each robot, how many came before it, with their sum as the last.
+            All robots' numbers in a row, and (n + 1,) how many came before each robot's, with their sum as the last.
         """
-        found, before = _near(
-            robots, self._radius_m, self.reach_m, self._points, self._tips, boxes, discs, polygons
-        )
-        return found.tolist(), before.tolist()
+        return _near(robots, self._radius_m, self.reach_m, self._points, self._tips, boxes, discs, polygons)  # type: ignore[no-any-return]
 
-    def read(self, rays: list[int], before: list[int], fractions: list[float]) -> FloatArray:
+    def read(self, rays: IntArray, before: IntArray, fractions: list[float]) -> FloatArray:
         """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``near``."""
-        ranges = np.empty((len(before) - 1, len(self.nothing)))
-        ranges[:] = self.nothing
-        if rays:
-            _nearest_of_each(
-                np.array(rays), np.array(before), np.array(fractions), self._lengths, self._offsets, self._sensors,
-                ranges,
-            )  # fmt: skip
-        return ranges
+        free = np.array(fractions, dtype=np.float64)
+        return _nearest_of_each(rays, before, free, self._lengths, self._offsets, self._sensors, self.nothing)  # type: ignore[no-any-return]
 
     def bury(
         self,
@@ -116,19 +108,22 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
 
 @numba.njit(cache=True)
 def _nearest_of_each(
-    rays: NDArray[np.int64],
-    before: NDArray[np.int64],
+    rays: IntArray,
+    before: IntArray,
     fractions: FloatArray,
     lengths: FloatArray,
     offsets: FloatArray,
-    sensors: NDArray[np.int64],
-    ranges: FloatArray,
-) -> None:
+    sensors: IntArray,
+    nothing: FloatArray,
+) -> FloatArray:
+    ranges = np.empty((before.shape[0] - 1, nothing.shape[0]))
     for i in range(ranges.shape[0]):
+        ranges[i] = nothing
         for k in range(before[i], before[i + 1]):
             ray, sensor = rays[k], sensors[rays[k]]
             if fractions[k] < 1.0:
                 ranges[i, sensor] = min(ranges[i, sensor], max(fractions[k] * lengths[ray] - offsets[ray], 0.0))
+    return ranges
 
 
 @numba.njit(cache=True)
@@ -141,7 +136,7 @@ def _near(
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[IntArray, IntArray]:
     hair = HAIR_RADII * radius_m
     found = np.empty(robots.shape[0] * begins.shape[0], np.int64)
     before = np.empty(robots.shape[0] + 1, np.int64)

@@ -116,6 +116,7 @@ class Simulator:
         scene.move_to(0.0)
         self.scene, world = scene, scene.world
         self._goal_tolerance_m = world.goal_tolerance_m
+        self._margin_m = CONTACT_MARGIN_RADII * self.robot.radius_m
         pybullet.resetSimulation(physicsClientId=self._client)
         if self.options.gui:
             self._look_from_above(world.bounds)
@@ -189,14 +190,16 @@ class Simulator:
         """
         rays, scene = self._rays, self.scene
         near, before = rays.near(self.robots, scene.boxes, scene.discs, scene.polygons)
+        numbers, firsts = near.tolist(), before.tolist()
         fractions: list[float] = []
-        if near and not self._posed:
+        if numbers and not self._posed:
             self._pose_bodies()
-        for body, first, stop in zip(self._robot_bodies, before, before[1:], strict=False):
+        for body, first, stop in zip(self._robot_bodies, firsts, firsts[1:], strict=False):
             if first < stop:
+                own = numbers[first:stop]
                 hits = pybullet.rayTestBatch(
-                    [rays.begins[ray] for ray in near[first:stop]],
-                    [rays.ends[ray] for ray in near[first:stop]],
+                    [rays.begins[ray] for ray in own],
+                    [rays.ends[ray] for ray in own],
                     parentObjectUniqueId=body,
                     physicsClientId=self._client,
                 )
@@ -221,44 +224,31 @@ class Simulator:
             dt_s: its length [s].
         """
         events: list[Event] = []
+        robot, scene, drive = self.robot, self.scene, self._drive
         new_period = True
-        for begin_s, duration_s in self._drive.segments(t_s, dt_s):
-            fastest = max(self._drive.fastest_mps, self.scene.fastest_mps)
-            substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * self.robot.radius_m) - 1e-9))
+        for begin_s, duration_s in drive.segments(t_s, dt_s):
+            fastest = max(drive.fastest_mps, scene.fastest_mps)
+            substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * robot.radius_m) - 1e-9))
             h = duration_s / substeps
-            for k in range(substeps):
-                self._substep(begin_s + k * h, h, new_period, events)
-                new_period = False
-                if not self._running:
-                    return events
+            done = 0
+            while done < substeps:
+                if scene.fastest_mps:
+                    scene.move_to(begin_s + done * h + h)
+                made, unsettled, near = move(
+                    self.robots, drive.in_force, scene.boxes, scene.discs, scene.polygons, scene.finish_line,
+                    h, 1 if scene.fastest_mps else substeps - done, robot.radius_m, robot.track_m,
+                    drive.accel_max_mps2, drive.lag_s, self._goal_tolerance_m, self._margin_m, new_period,
+                    self._ledger.any_held,
+                )  # fmt: skip
+                new_period = self._posed = False
+                done += made
+                if unsettled:
+                    self._settle(begin_s + (done - 1) * h, h, self._contacts() if near else {}, events)
+                    if not self._running:
+                        return events
         if self.options.gui:
             self._show(dt_s)
         return events
-
-    def _substep(self, t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
-        scene, track = self.scene, self.robot.track_m
-        scene.move_to(t_s + h)
-        least, arrived = move(
-            self.robots,
-            self._drive.in_force,
-            scene.boxes,
-            scene.discs,
-            scene.polygons,
-            scene.finish_line,
-            h,
-            self.robot.radius_m,
-            track,
-            self._drive.accel_max_mps2,
-            self._drive.lag_s,
-            self._goal_tolerance_m,
-            new_period,
-        )
-        self._posed = False
-        near = least <= CONTACT_MARGIN_RADII * self.robot.radius_m
-        if near or arrived or self._ledger.any_held:
-            self._settle(t_s, h, self._contacts() if near else {}, events)
-        else:
-            count_clearance(self.robots)
 
     def _settle(self, t_s: float, h: float, hit: dict[int, str], events: list[Event]) -> None:
         """Put back who is blocked or has arrived, count clearances there, and end who has an outcome."""
