@@ -15,8 +15,8 @@ from typing import Any
 
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, Number, Positive, describe
-from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, memberships, remembered, rules_from_table
+from navbench.descriptions.description import STRICT, Number, Positive, describe, remembered
+from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, memberships, rules_from_table
 
 DISTANCES = ("C", "MD", "MF", "F")
 TURNS = ("BSR", "MSR", "SSR", "Z", "SSL", "MSL", "BSL")

@@ -164,8 +164,11 @@ class SwitchUnit:
 
     def pattern(self, ranges_m: Sequence[float]) -> int:
         """Return the pattern of some readings of the sensors 1 to 10 [m]."""
-        sensors = zip(self._bits, ranges_m, self._detect_m, strict=True)
-        return sum(bit for bit, reading_m, detect_m in sensors if reading_m < detect_m)
+        pattern = 0
+        for bit, reading_m, detect_m in zip(self._bits, ranges_m, self._detect_m, strict=True):
+            if reading_m < detect_m:
+                pattern |= bit
+        return pattern
 
     def side(self, pattern: int, ranges_m: Sequence[float]) -> float:
         """Return which wall there is to track, ``LEFT`` or ``RIGHT``.
@@ -176,8 +179,8 @@ class SwitchUnit:
         left, right = pattern & self._left == self._left, pattern & self._right == self._right
         if left != right:
             return LEFT if left else RIGHT
-        left_m, right_m = (sum(ranges_m[s - 1] for s in flank) for flank in (LEFT_FLANK, RIGHT_FLANK))
-        return LEFT if left_m <= right_m else RIGHT
+        (s1, s10), (s5, s6) = LEFT_FLANK, RIGHT_FLANK
+        return LEFT if ranges_m[s1 - 1] + ranges_m[s10 - 1] <= ranges_m[s5 - 1] + ranges_m[s6 - 1] else RIGHT
 
     def choose(self, pattern: int, side: float, heading_error_rad: float) -> int:
         """Return the agent that drives in this control period.

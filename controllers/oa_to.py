@@ -34,8 +34,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import STRICT, Number, Positive, describe
-from navbench.mathematics.fuzzy import FuzzyInference, remembered
+from navbench.descriptions.description import STRICT, Number, Positive, describe, remembered
+from navbench.mathematics.fuzzy import FuzzyInference
 
 from .zhao2017 import SENSOR_ROLES, avoidance, target
 from .zhao2017_fuzzy import described, oa_flc, to_flc
@@ -152,7 +152,7 @@ class OaTo:
         self._before_m[:] = ranges_m
         d, psi = target(pose.x_m, pose.y_m, pose.heading_rad, goal[0], goal[1], self._robot.radius_m)
         shares = self.oa(r, phi) if avoids else self.to(d, psi)
-        left_mps, right_mps = (self._wheel_speed(share) for share in shares)
+        left_mps, right_mps = map(self._wheel_speed, shares)
         self._trace = {
             "R_s": min(r, R_SHOWN_MAX_S),
             "Phi_rad": phi,

@@ -1,7 +1,7 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from navbench.descriptions.simulation import SimulatorOptions
 from navbench.descriptions.world import Start, World
 from navbench.mathematics.kinematics import advance_arc
 from navbench.physics import simulator as simulator_module
-from navbench.physics.contacts import Event
+from navbench.physics.motion import move
 from navbench.physics.simulator import Simulator
 
 RAY_TOLERANCE_RADII = 2.5e-4  # PyBullet's 0.001 units, where a robot's radius is at least 4 units
@@ -422,7 +422,7 @@ def cautious(simulator: Simulator) -> Simulator:
         count = len(rays.begins)
         return np.tile(np.arange(count), len(robots)), count * np.arange(len(robots) + 1)
 
-    rays.near = all_of_them  # type: ignore[method-assign]
+    rays.near = all_of_them  # type: ignore[method-assign,assignment]
     return simulator
 
 
@@ -612,16 +612,16 @@ def test_two_fast_robots_do_not_pass_through_each_other() -> None:
             assert 0.0 <= events[0].t_s - (gap - 2.0) / 40.0 <= 0.2501 / 20.0
 
 
-def lengths_of_substeps(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Return a list to which every substep of this simulator will add its length [s]."""
+def lengths_of_substeps(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return a list to which every substep will add its length [s]."""
     lengths: list[float] = []
-    inner = simulator._substep
 
-    def spy(t_s: float, h: float, new_period: bool, events: list[Event]) -> None:
-        lengths.append(h)
-        inner(t_s, h, new_period, events)
+    def spy(*arguments: Any) -> tuple[int, bool, bool]:
+        made, unsettled, near = move(*arguments)
+        lengths.extend([arguments[6]] * made)
+        return made, unsettled, near
 
-    monkeypatch.setattr(simulator, "_substep", spy)
+    monkeypatch.setattr(simulator_module, "move", spy)
     return lengths
 
 
@@ -632,7 +632,7 @@ def test_no_robot_moves_further_than_a_quarter_of_its_radius_in_a_substep(
 ) -> None:
     rng = np.random.default_rng(19)
     with a_simulator(a_world(), a_robot(0.5, 10.0, accel_mps2), options=options) as simulator:
-        lengths = lengths_of_substeps(simulator, monkeypatch)
+        lengths = lengths_of_substeps(monkeypatch)
         for k in range(60):
             before = simulator.rows()[0]
             simulator.command(0, rng.choice([0.0, 0.1, 9.0, -9.0]), rng.uniform(-20.0, 20.0))
@@ -647,9 +647,34 @@ def test_no_robot_moves_further_than_a_quarter_of_its_radius_in_a_substep(
                 assert fastest * max(lengths) <= 0.125 * (1.0 + 1e-6)
 
 
+@pytest.mark.parametrize("on_collision", [BLOCK, IDEAL])
+def test_substeps_in_one_go_are_those_one_by_one(
+    on_collision: SimulatorOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def history(stride: int, seed: int) -> list[object]:
+        def strided(*arguments: Any) -> tuple[int, bool, bool]:
+            made: tuple[int, bool, bool] = move(*arguments[:7], min(arguments[7], stride), *arguments[8:])
+            return made
+
+        monkeypatch.setattr(simulator_module, "move", strided)
+        rng = np.random.default_rng(seed)
+        kept: list[object] = []
+        with a_simulator(clutter(rng, 1.0, robots=3), a_robot(1.0, 3.0, 2.0), BLIND, on_collision) as simulator:
+            for k in range(30):
+                for i in range(3):
+                    simulator.command(i, rng.uniform(-1.0, 3.0), rng.uniform(-1.0, 1.0))
+                kept.append([simulator.advance(0.7 * k, 0.7), simulator.contacts, simulator.robots.tobytes()])
+                if not simulator.running:
+                    break
+        return kept
+
+    for seed in range(6):
+        assert history(1000, seed) == history(1, seed)
+
+
 def test_substeps_are_as_long_as_the_present_command_allows(monkeypatch: pytest.MonkeyPatch) -> None:
     with a_simulator(a_world(), a_robot(1.0, 10.0)) as simulator:
-        lengths = lengths_of_substeps(simulator, monkeypatch)
+        lengths = lengths_of_substeps(monkeypatch)
         drive(simulator, [(10.0, 0.0), (1.0, 0.0), (0.0, 3.0)], 1.0)
     assert lengths == pytest.approx([0.025] * 40 + [0.25] * 4 + [1.0])
 
@@ -657,7 +682,7 @@ def test_substeps_are_as_long_as_the_present_command_allows(monkeypatch: pytest.
 def test_a_mover_shortens_the_substeps_even_of_a_slow_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     mover = to_and_fro((900.0, 900.0), (900.0, -900.0), (-900.0, -900.0), speeds=[2.0, 8.0], radius_m=1.0)
     with a_simulator(a_world(movers=(mover,)), a_robot()) as simulator:
-        lengths = lengths_of_substeps(simulator, monkeypatch)
+        lengths = lengths_of_substeps(monkeypatch)
         drive(simulator, [(0.01, 0.0)], 1.0)
     assert max(lengths) * 8.0 <= 0.25 * (1.0 + 1e-9)
 

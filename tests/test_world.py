@@ -7,7 +7,7 @@ import pytest
 from scenes import a_world, to_and_fro
 from test_simulator import Shard
 
-from navbench.descriptions.description import DescriptionError, describe
+from navbench.descriptions.description import REMEMBERED_MAX, DescriptionError, describe, remembered
 from navbench.descriptions.obstacles import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
 from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
@@ -345,3 +345,26 @@ def test_a_movers_place_knows_its_phase_and_its_rounds() -> None:
     )
     places = {0.0: (2.0, 0.0), 2.0: (4.0, 1.0), 9.0: (2.0, 1.5), 15.0: (2.0, 0.0), 14.0: (0.0, 0.0)}
     assert [mover.place(t_s) for t_s in places] == [pytest.approx(place, abs=1e-9) for place in places.values()]
+
+
+def test_equal_values_give_what_was_built_before_and_others_do_not() -> None:
+    built: list[object] = []
+
+    @remembered
+    def build(values: dict[str, object], gain: object = 1.0) -> list[object]:
+        if gain is True:
+            raise ValueError("gain=True: must be a number")
+        built.append((values, gain))
+        return [values, gain]
+
+    first = build({"a": 1.0, "b": {"c": 2.0}})
+    assert build({"a": 1.0, "b": {"c": 2.0}}) is first
+    for other in ({"a": 1, "b": {"c": 2.0}}, {"b": {"c": 2.0}, "a": 1.0}, {"a": 1.0, "b": {"c": 2.5}}):
+        assert build(other) == [other, 1.0] and build(other) is not first
+    for _ in range(2):
+        with pytest.raises(ValueError, match="gain=True"):
+            build({"a": 1.0}, gain=True)
+    assert len(built) == 4
+    for k in range(REMEMBERED_MAX):
+        build({"k": k})
+    assert build({"a": 1.0, "b": {"c": 2.0}}) is not first

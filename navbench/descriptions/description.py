@@ -2,10 +2,10 @@
 
 import re
 import reprlib
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
-from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
+from functools import cache, wraps
+from typing import Annotated, Any, ParamSpec, TypeVar, cast, get_args, get_type_hints
 
 from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
@@ -19,6 +19,9 @@ Count = Annotated[int, Strict(), Field(ge=1)]
 Flag = Annotated[bool, Strict()]
 
 T = TypeVar("T")
+Given = ParamSpec("Given")
+
+REMEMBERED_MAX = 64  # more than one process works on in turn
 
 
 class DescriptionError(ValueError):
@@ -56,6 +59,29 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
         allowed = re.sub(r"a dictionary or an instance of \w+", "a mapping", allowed)
         raise DescriptionError(f"{path}={reprlib.repr(first['input'])}: {allowed}") from None
+
+
+def remembered(build: Callable[Given, T]) -> Callable[Given, T]:
+    """Let a function give what it has built before from the same values.
+
+    A controller is made anew for each robot and each episode, and building its rule bases takes longer than many acts.
+
+    Args:
+        build: takes plain values, as a YAML file holds them; what it returns is shared and must not be changed.
+    """
+    kept: dict[str, T] = {}
+
+    @wraps(build)
+    def built(*args: Given.args, **kwargs: Given.kwargs) -> T:
+        key = repr((args, kwargs))  # tells 1 from 1.0 and from True, which a build may refuse
+        if key not in kept:
+            made = build(*args, **kwargs)
+            if len(kept) == REMEMBERED_MAX:
+                del kept[next(iter(kept))]
+            kept[key] = made
+        return kept[key]
+
+    return built
 
 
 @cache

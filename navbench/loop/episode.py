@@ -102,6 +102,7 @@ class EpisodeRunner:
         self._scene = Scene(world)
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
+        self._converts = not self._similarity.identity
         self._period_s = period_s(native, self._similarity)
         self._setup = native_setup(robot, self._sensors, native)
         accel_max = accel_max_mps2(robot, native, self._similarity)
@@ -202,7 +203,7 @@ class EpisodeRunner:
             if not (math.isfinite(v) and math.isfinite(w)):
                 raise ValueError(f"the command must be finite, got v_mps={v}, w_radps={w}")
             pilot.keep_trace(trace_of(pilot.controller))
-            if not self._similarity.identity:
+            if self._converts:
                 v, w = self._similarity.to_world(Command(v, w))
             simulator.command(index, v, w)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study

@@ -49,6 +49,8 @@ class Perception:
         self._range_rng = stream(seed, world, episode, "range", index) if sensors.noise_std_m else None
         self._dropout_rng = stream(seed, world, episode, "dropout", index) if sensors.dropout_probability else None
         self._errs = bool(sensors.noise_std_m or sensors.dropout_probability)
+        self._has_least = self._errs or bool((self._min > 0.0).any())  # else no reading is below it
+        self._converts = not similarity.identity
         tracker = sensors.tracker
         self._tracker_rng = (
             stream(seed, world, episode, "tracker", index) if tracker and tracker.position_noise_std_m else None
@@ -101,10 +103,11 @@ class Perception:
             ranges_m[self._dropout_rng.random(len(ranges_m)) < self._sensors.dropout_probability] = math.inf
         if self._errs:
             np.minimum(ranges_m, self._max, out=ranges_m)
-        np.maximum(ranges_m, self._min, out=ranges_m)
+        if self._has_least:
+            np.maximum(ranges_m, self._min, out=ranges_m)
         pose, (v, w) = (self._believed, self._believed_speed) if self._drifts else (true_pose, true_speed)
         seen = _NO_DISCS if discs is None else self._track(discs, true_pose, pose)
-        if self._similarity.identity:
+        if not self._converts:
             return Observation(t_s, pose, self._goal, v, w, ranges_m, touching, seen)
         length, time = self._similarity
         return Observation(

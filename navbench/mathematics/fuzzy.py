@@ -11,9 +11,9 @@ mean. What remains is the error of cells in which two terms cross, and of z and 
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
-from functools import partial, wraps
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -21,20 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from navbench.mathematics.memberships import Rules, Table, Term, Variable, number_rules, rules_from_table
 
-__all__ = [
-    "FuzzyInference",
-    "Table",
-    "Tables",
-    "Term",
-    "Variable",
-    "infer",
-    "memberships",
-    "remembered",
-    "rules_from_table",
-]
-
-Given = ParamSpec("Given")
-Built = TypeVar("Built")
+__all__ = ["FuzzyInference", "Table", "Tables", "Term", "Variable", "infer", "memberships", "rules_from_table"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -42,7 +29,6 @@ IntArray = NDArray[np.int64]
 DEFUZZIFICATIONS = ("centroid", "weighted_mean_of_peaks")
 CELLS_PER_PIECE = 8  # at least, between two neighbouring corners
 NEGLIGIBLE = 1e-200  # a weaker output counts as not fired: its area would underflow to 0 / 0
-REMEMBERED_MAX = 64  # more rule bases than one process works on in turn
 
 
 class Tables(NamedTuple):
@@ -350,7 +336,8 @@ class FuzzyInference:
     def _load(self, values: tuple[float, ...]) -> None:
         if len(values) != self._values.size:
             raise ValueError(f"the inputs are {', '.join(self.inputs)}, but {len(values)} values were given")
-        self._values[:] = values
+        for i, value in enumerate(values):  # of so few values quicker than a slice
+            self._values[i] = value
 
     def _check_usable(self, unusable: int) -> None:
         if unusable >= 0:
@@ -398,25 +385,3 @@ class FuzzyInference:
             fallback=_floats([self.fallback[name] for name in self.outputs]),
             weighted=self.defuzzification == "weighted_mean_of_peaks",
         )
-
-
-def remembered(build: Callable[Given, Built]) -> Callable[Given, Built]:
-    """Let a function that builds rule bases give those it has built before for the same parameters.
-
-    A controller is made anew for each robot and each episode, and building its rule bases takes longer than many acts.
-
-    Args:
-        build: takes plain values, as a YAML file holds them; what it returns is shared and must not be changed.
-    """
-    kept: dict[str, Built] = {}
-
-    @wraps(build)
-    def built(*args: Given.args, **kwargs: Given.kwargs) -> Built:
-        key = repr((args, kwargs))  # tells 1 from 1.0 and from True, which a build may refuse
-        if key not in kept:
-            if len(kept) == REMEMBERED_MAX:
-                del kept[next(iter(kept))]
-            kept[key] = build(*args, **kwargs)
-        return kept[key]
-
-    return built

@@ -73,12 +73,12 @@ class Rays:
         Returns:
             All robots' numbers in a row, and (n + 1,) how many came before each robot's, with their sum as the last.
         """
-        return _near(robots, self._radius_m, self.reach_m, self._points, self._tips, boxes, discs, polygons)  # type: ignore[no-any-return]
+        return _near(robots, self._radius_m, self.reach_m, self._points, self._tips, boxes, discs, polygons)
 
     def read(self, rays: IntArray, before: IntArray, fractions: list[float]) -> FloatArray:
         """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``near``."""
         free = np.array(fractions, dtype=np.float64)
-        return _nearest_of_each(rays, before, free, self._lengths, self._offsets, self._sensors, self.nothing)  # type: ignore[no-any-return]
+        return _nearest_of_each(rays, before, free, self._lengths, self._offsets, self._sensors, self.nothing)
 
     def bury(
         self,
