@@ -411,7 +411,7 @@ def test_a_free_ring_reads_its_largest_range_and_not_a_hair_more() -> None:
     assert asked.tolist() == skipped.tolist() == [2.9] * 7
 
 
-# --- asking PyBullet only where something is near ---
+# --- asking PyBullet only for what decides ---
 
 
 def cautious(simulator: Simulator) -> Simulator:
@@ -422,21 +422,23 @@ def cautious(simulator: Simulator) -> Simulator:
         count = len(rays.begins)
         return np.tile(np.arange(count), len(robots)), count * np.arange(len(robots) + 1)
 
-    rays.near = all_of_them  # type: ignore[method-assign,assignment]
+    rays.decisive = all_of_them  # type: ignore[method-assign,assignment]
     return simulator
 
 
 @pytest.mark.parametrize("on_collision", ["end", "block"])
 @pytest.mark.parametrize("radius_m", RADII)
-def test_asking_pybullet_only_where_something_is_near_changes_nothing(
-    radius_m: float, on_collision: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("cone", [{}, {"cone_half_angle_rad": 0.3, "rays": 5}])
+def test_asking_pybullet_only_for_what_decides_changes_nothing(
+    cone: dict[str, Any], radius_m: float, on_collision: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def history(world: World, always: bool, seed: int) -> list[object]:
         monkeypatch.setattr(simulator_module, "CONTACT_MARGIN_RADII", 1e9 if always else 0.05)
         rng = np.random.default_rng(seed)
         kept: list[object] = []
         options = BLOCK if on_collision == "block" else IDEAL
-        with a_simulator(world, a_robot(radius_m, radius_m), a_ring(9, radius_m, 2.0 * radius_m, 1.1), options) as s:
+        sensors = a_ring(9, radius_m, 4.0 * radius_m, 1.1, **cone)
+        with a_simulator(world, a_robot(radius_m, radius_m), sensors, options) as s:
             if always:
                 cautious(s)
             for k in range(40):
@@ -458,6 +460,41 @@ def test_asking_pybullet_only_where_something_is_near_changes_nothing(
         assert asked == skipped
         ends += len(asked)
     assert ends > 50
+
+
+def test_of_a_cones_rays_only_those_that_may_be_the_shortest_are_asked_for() -> None:
+    mount = Mount(role="ahead", x_m=1.0, y_m=0.0, heading_rad=0.0)
+    eye = Sensors(drawn_for_radius_m=1.0, mounts=(mount,), max_range_m=20.0, cone_half_angle_rad=0.5, rays=5)
+    wall = Box(x_m=8.0, y_m=0.0, length_m=1.0, width_m=30.0, heading_rad=0.0)
+    aslant = Box(x_m=8.0, y_m=0.0, length_m=1.0, width_m=30.0, heading_rad=0.4)
+    triangle = Polygon(corners=(Point(x_m=9.0, y_m=2.0), Point(x_m=7.0, y_m=0.0), Point(x_m=9.0, y_m=-2.0)))
+    asked = {}
+    scenes: dict[str, dict[str, Any]] = {
+        "wall": {"boxes": (wall,)},
+        "wall aslant": {"boxes": (aslant,)},
+        "disc": {"discs": (Disc(x_m=8.0, y_m=1.9, radius_m=1.0),)},
+        "two as near as each other": {
+            "discs": (Disc(x_m=8.0, y_m=1.9, radius_m=1.0), Disc(x_m=8.0, y_m=-1.9, radius_m=1.0))
+        },
+        "polygon": {"polygons": (triangle,)},
+        "begins in it": {"boxes": (Box(x_m=2.5, y_m=0.0, length_m=4.0, width_m=9.0, heading_rad=0.0),)},
+        "nothing": {},
+    }
+    for name, changes in scenes.items():
+        with a_simulator(a_world(**changes), a_robot(), eye) as simulator:
+            scene = simulator.scene
+            rays, before = simulator._rays.decisive(simulator.robots, scene.boxes, scene.discs, scene.polygons)
+            assert before.tolist() == [0, len(rays)]
+            asked[name] = rays.tolist()
+    assert asked == {
+        "wall": [2],
+        "wall aslant": [4],
+        "disc": [3],
+        "two as near as each other": [1, 3],
+        "polygon": [1, 2, 3],
+        "begins in it": [0, 1, 2, 3, 4],
+        "nothing": [],
+    }
 
 
 def reading_towards(simulator: Simulator) -> float:
@@ -653,7 +690,9 @@ def test_substeps_in_one_go_are_those_one_by_one(
 ) -> None:
     def history(stride: int, seed: int) -> list[object]:
         def strided(*arguments: Any) -> tuple[int, bool, bool]:
-            made: tuple[int, bool, bool] = move(*arguments[:7], min(arguments[7], stride), *arguments[8:])
+            changed = [*arguments]
+            changed[7] = min(arguments[7], stride)
+            made: tuple[int, bool, bool] = move(*changed)
             return made
 
         monkeypatch.setattr(simulator_module, "move", strided)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.descriptions.sensors import Sensors
-from navbench.mathematics.geometry import distance_to_nearest
+from navbench.mathematics.geometry import box_distance, distance_to_nearest
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -59,10 +59,12 @@ class Rays:
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
 
-    def near(
+    def decisive(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
     ) -> tuple[IntArray, IntArray]:
-        """Return the numbers of the running robots' rays that may hit something, and of some that pass it by a hair.
+        """Return the numbers of those rays of the running robots that may be what their sensors read.
+
+        They may hit something, perhaps by a hair, and no other ray of the same sensor surely reads less.
 
         Args:
             robots: (n,) of ``ROBOT``.
@@ -73,10 +75,13 @@ class Rays:
         Returns:
             All robots' numbers in a row, and (n + 1,) how many came before each robot's, with their sum as the last.
         """
-        return _near(robots, self._radius_m, self.reach_m, self._points, self._tips, boxes, discs, polygons)
+        return _decisive(
+            robots, self._radius_m, self.reach_m, self._points, self._tips, self._lengths, self._offsets, self._sensors,
+            self._first, boxes, discs, polygons,
+        )  # fmt: skip
 
     def read(self, rays: IntArray, before: IntArray, fractions: list[float]) -> FloatArray:
-        """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``near``."""
+        """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``decisive``."""
         free = np.array(fractions, dtype=np.float64)
         return _nearest_of_each(rays, before, free, self._lengths, self._offsets, self._sensors, self.nothing)
 
@@ -127,12 +132,16 @@ def _nearest_of_each(
 
 
 @numba.njit(cache=True)
-def _near(
+def _decisive(
     robots: NDArray[np.void],
     radius_m: float,
     reach_m: float,
     begins: FloatArray,
     ends: FloatArray,
+    lengths: FloatArray,
+    offsets: FloatArray,
+    sensors: IntArray,
+    rays_before: IntArray,
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
@@ -140,6 +149,10 @@ def _near(
     hair = HAIR_RADII * radius_m
     found = np.empty(robots.shape[0] * begins.shape[0], np.int64)
     before = np.empty(robots.shape[0] + 1, np.int64)
+    least = np.empty(begins.shape[0])  # what each ray may read at least
+    most = np.empty(begins.shape[0])  # what each sensor reads at most, by its number
+    near_boxes = np.empty(boxes.shape[0], np.int64)
+    near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
     count = 0
     for index in range(robots.shape[0]):
         before[index] = count
@@ -147,22 +160,37 @@ def _near(
             continue
         x, y, heading = robots[index].x_m, robots[index].y_m, robots[index].heading_rad
         cosine, sine = math.cos(heading), math.sin(heading)
+        n_boxes = _boxes_within(x, y, reach_m + radius_m, boxes, near_boxes)
+        n_circles = _circles_within(x, y, reach_m + radius_m, robots, index, radius_m, discs, polygons, near_circles)
+        most[:] = math.inf
         for ray in range(begins.shape[0]):
             ax = x + cosine * begins[ray, 0] - sine * begins[ray, 1]
             ay = y + sine * begins[ray, 0] + cosine * begins[ray, 1]
             ux = cosine * (ends[ray, 0] - begins[ray, 0]) - sine * (ends[ray, 1] - begins[ray, 1])
             uy = sine * (ends[ray, 0] - begins[ray, 0]) + cosine * (ends[ray, 1] - begins[ray, 1])
-            hit = False
-            for i in range(boxes.shape[0]):
-                hit = hit or _meets_box(ax, ay, ux, uy, boxes[i], hair)
-            for i in range(discs.shape[0]):
-                hit = hit or _meets_circle(ax, ay, ux, uy, discs[i, 0], discs[i, 1], discs[i, 2] + hair)
-            for i in range(polygons.shape[0]):
-                hit = hit or _meets_circle(ax, ay, ux, uy, polygons[i, 0], polygons[i, 1], polygons[i, 2] + hair)
-            for i in range(robots.shape[0]):
-                if i != index:
-                    hit = hit or _meets_circle(ax, ay, ux, uy, robots[i].x_m, robots[i].y_m, radius_m + hair)
-            if hit:
+            only_one = rays_before[sensors[ray] + 1] - rays_before[sensors[ray]] == 1  # of its sensor: it is decisive
+            first, last = math.inf, math.inf
+            for i in range(n_boxes):
+                low, high = _enters_box(ax, ay, ux, uy, boxes, near_boxes[i], hair, -1.0 if only_one else last)
+                first, last = min(first, low), min(last, high)
+            for i in range(n_circles):
+                low, high = _enters_circle(
+                    ax,
+                    ay,
+                    ux,
+                    uy,
+                    near_circles[i, 0],
+                    near_circles[i, 1],
+                    near_circles[i, 2],
+                    near_circles[i, 3] == 1.0,
+                    hair,
+                    -1.0 if only_one else last,
+                )
+                first, last = min(first, low), min(last, high)
+            least[ray] = max(first * lengths[ray] - offsets[ray], 0.0)
+            most[sensors[ray]] = min(most[sensors[ray]], max(last * lengths[ray] - offsets[ray], 0.0))
+        for ray in range(begins.shape[0]):
+            if least[ray] < math.inf and least[ray] <= most[sensors[ray]]:
                 found[count] = ray
                 count += 1
     before[-1] = count
@@ -170,30 +198,116 @@ def _near(
 
 
 @numba.njit(cache=True)
-def _meets_circle(ax: float, ay: float, ux: float, uy: float, x: float, y: float, radius: float) -> bool:
-    """Return whether the segment from a along u comes into a circle."""
-    dx, dy = x - ax, y - ay
-    along = min(max((dx * ux + dy * uy) / (ux * ux + uy * uy), 0.0), 1.0)
-    dx, dy = dx - along * ux, dy - along * uy
-    return dx * dx + dy * dy <= radius * radius
+def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: IntArray) -> int:
+    """Write the numbers of the boxes that come this near to a point, and return how many do."""
+    count = 0
+    for i in range(boxes.shape[0]):
+        if box_distance(x, y, boxes[i]) <= far_m:
+            found[count] = i
+            count += 1
+    return count
 
 
 @numba.njit(cache=True)
-def _meets_box(ax: float, ay: float, ux: float, uy: float, box: FloatArray, hair: float) -> bool:
-    """Return whether the segment from a along u comes into a box: its part within both pairs of sides is not empty."""
-    dx, dy = ax - box[0], ay - box[1]
+def _circles_within(
+    x: float,
+    y: float,
+    far_m: float,
+    robots: NDArray[np.void],
+    index: int,
+    radius_m: float,
+    discs: FloatArray,
+    polygons: FloatArray,
+    found: FloatArray,
+) -> int:
+    """Write what is round and comes this near to a robot's centre, and return how many do.
+
+    A row holds x, y, radius [m], and 1, or 0 for the circle around a polygon, which does not say where that is hit.
+    """
+    count = 0
+    for i in range(discs.shape[0]):
+        if math.hypot(discs[i, 0] - x, discs[i, 1] - y) - discs[i, 2] <= far_m:
+            found[count] = discs[i, 0], discs[i, 1], discs[i, 2], 1.0
+            count += 1
+    for i in range(polygons.shape[0]):
+        if math.hypot(polygons[i, 0] - x, polygons[i, 1] - y) - polygons[i, 2] <= far_m:
+            found[count] = polygons[i, 0], polygons[i, 1], polygons[i, 2], 0.0
+            count += 1
+    for i in range(robots.shape[0]):
+        if i != index and math.hypot(robots[i].x_m - x, robots[i].y_m - y) - radius_m <= far_m:
+            found[count] = robots[i].x_m, robots[i].y_m, radius_m, 1.0
+            count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _enters_circle(
+    ax: float,
+    ay: float,
+    ux: float,
+    uy: float,
+    x: float,
+    y: float,
+    radius: float,
+    is_disc: bool,
+    hair: float,
+    enough: float,
+) -> tuple[float, float]:
+    """Return the least and the largest share of the way from a along u at which a circle may be hit, or infinity.
+
+    The least is that of a circle larger by a hair, the largest that of one smaller by a hair; it is infinite where the
+    circle may be passed, or a may lie in it, since a ray does not hit what it begins in. Where even the least is not
+    below ``enough``, the largest is not sought, and infinite.
+    """
+    dx, dy = x - ax, y - ay
+    outer, inner = radius + hair, radius - hair
+    if dx * dx + dy * dy <= outer * outer:
+        return 0.0, math.inf
+    along, across, length2 = dx * ux + dy * uy, dx * uy - dy * ux, ux * ux + uy * uy
+    outside2 = outer * outer * length2 - across * across
+    if along <= 0.0 or outside2 < 0.0:
+        return math.inf, math.inf
+    low = (along - math.sqrt(outside2)) / length2
+    if low > 1.0:
+        return math.inf, math.inf
+    inside2 = inner * inner * length2 - across * across
+    if low >= enough or not is_disc or inner <= 0.0 or inside2 <= 0.0:
+        return low, math.inf
+    high = (along - math.sqrt(inside2)) / length2
+    return low, high if high < 1.0 else math.inf
+
+
+@numba.njit(cache=True)
+def _enters_box(
+    ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float, enough: float
+) -> tuple[float, float]:
+    """Return the least and the largest share of the way from a along u at which a box may be hit, as for a circle."""
+    low = _enters_sides(ax, ay, ux, uy, boxes, box, hair)
+    if low == 0.0 or low >= enough:
+        return low, math.inf
+    high = _enters_sides(ax, ay, ux, uy, boxes, box, -hair)
+    return low, high if high < 1.0 else math.inf
+
+
+@numba.njit(cache=True)
+def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float) -> float:
+    """Return at which share of the way from a along u a box larger by a hair is entered, 0 from inside, or infinity."""
+    dx, dy = ax - boxes[box, 0], ay - boxes[box, 1]
+    cosine, sine = boxes[box, 4], boxes[box, 5]
     low, high = 0.0, 1.0
     for axis in range(2):
-        place = box[4] * dx + box[5] * dy if axis == 0 else box[4] * dy - box[5] * dx
-        step = box[4] * ux + box[5] * uy if axis == 0 else box[4] * uy - box[5] * ux
-        half = box[2 + axis] + hair
+        place = cosine * dx + sine * dy if axis == 0 else cosine * dy - sine * dx
+        step = cosine * ux + sine * uy if axis == 0 else cosine * uy - sine * ux
+        half = boxes[box, 2 + axis] + hair
+        if half <= 0.0:
+            return math.inf
         if step == 0.0:
             if abs(place) > half:
-                return False
+                return math.inf
             continue
         first, second = (-half - place) / step, (half - place) / step
         low, high = max(low, min(first, second)), min(high, max(first, second))
-    return low <= high
+    return low if low <= high else math.inf
 
 
 @numba.njit(cache=True)

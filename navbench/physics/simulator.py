@@ -185,11 +185,11 @@ class Simulator:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
 
         Where nothing is, and of robots that have ended, it is the largest range. PyBullet is asked only for the rays
-        that something is near enough to be hit by.
+        that may be what their sensors read.
         """
         rays, scene = self._rays, self.scene
-        near, before = rays.near(self.robots, scene.boxes, scene.discs, scene.polygons)
-        numbers, firsts = near.tolist(), before.tolist()
+        decisive, before = rays.decisive(self.robots, scene.boxes, scene.discs, scene.polygons)
+        numbers, firsts = decisive.tolist(), before.tolist()
         fractions: list[float] = []
         if numbers and not self._posed:
             self._pose_bodies()
@@ -203,7 +203,7 @@ class Simulator:
                     physicsClientId=self._client,
                 )
                 fractions += [hit[2] for hit in hits]
-        ranges = rays.read(near, before, fractions)
+        ranges = rays.read(decisive, before, fractions)
         for i, clearance_m in enumerate(self.robots["clearance_m"].tolist()):
             if (self._ledger.touching[i] or clearance_m <= rays.exposed_m) and self.robots[i]["running"]:
                 row = self.robots[i]
