@@ -80,7 +80,7 @@ def share_falling(reading: Reading, table: str, column: str, along: Sequence[str
 
 def _column(reading: Reading, table: str, column: str) -> "pd.DataFrame":
     """Return a described table that has a column."""
-    tables = reading.results.descriptions()
+    tables = reading.descriptions
     if table not in tables:
         allowed = ", ".join(tables) or "none"
         raise DescriptionError(f"{reading.results.path}: no description {table!r}; there are: {allowed}")

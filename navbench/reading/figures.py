@@ -40,6 +40,7 @@ PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neig
     "#999933",
 )
 MARKERS = "osD^vP*<p"
+DPI = 110  # of a PNG; an SVG has its own
 
 
 class Style(NamedTuple):
@@ -285,9 +286,23 @@ def save_convergence(results: Results, file: Path) -> None:
 
 
 def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None] | None) -> None:
-    """Save a figure whole or not at all: under a temporary name, then renamed."""
-    content = io.BytesIO()
-    figure.savefig(content, format=file.suffix[1:], dpi=110, bbox_inches="tight", metadata=metadata)
+    """Save a figure whole or not at all: under a temporary name, then renamed.
+
+    It is laid out and measured here: asked for a tight box, ``savefig`` would draw it a second time to do so.
+    """
+    from matplotlib import rcParams
+    from matplotlib.backend_bases import get_registered_canvas_class
+
+    content, form = io.BytesIO(), file.suffix[1:]
+    layout = figure.get_layout_engine()
+    dpi = get_registered_canvas_class(form)(figure).fixed_dpi or DPI
+    figure.set_dpi(dpi)
+    if layout is not None:
+        layout.execute(figure)
+    box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
+    figure.set_layout_engine(None)
+    figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
+    figure.set_layout_engine(layout)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
     temporary.write_bytes(content.getvalue())
     os.replace(temporary, file)

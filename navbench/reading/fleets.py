@@ -22,19 +22,21 @@ def fleets(episodes: "pd.DataFrame") -> "pd.DataFrame":
         - other_contacts: with everything else;
         - standing_contacts: of both, those of robots that stood and were driven into.
     """
-    groups = episodes.groupby(["run_id", "episode"], sort=True)
-    table = groups.agg(
-        robots=("robot_index", "size"),
-        success=("outcome", lambda outcomes: bool((outcomes == "reached").all())),
-        makespan_s=("time_s", "max"),
-        sum_of_times_s=("time_s", "sum"),
-        robot_contacts=("robot_collisions", "sum"),
-        contacts=("collisions", "sum"),
-        standing_contacts=("standing_collisions", "sum"),
-    ).reset_index()
-    table.loc[~table["success"].astype(bool), ["makespan_s", "sum_of_times_s"]] = float("nan")
-    table["other_contacts"] = table.pop("contacts") - table["robot_contacts"]
-    return table
+    import pandas as pd
+
+    groups = episodes.assign(arrived=episodes["outcome"] == "reached").groupby(["run_id", "episode"], sort=True)
+    sums = groups[["time_s", "robot_collisions", "collisions", "standing_collisions"]].sum()
+    success = groups["arrived"].all()
+    columns = {
+        "robots": groups.size(),
+        "success": success,
+        "makespan_s": groups["time_s"].max().where(success),
+        "sum_of_times_s": sums["time_s"].where(success),
+        "robot_contacts": sums["robot_collisions"],
+        "other_contacts": sums["collisions"] - sums["robot_collisions"],
+        "standing_contacts": sums["standing_collisions"],
+    }
+    return pd.DataFrame(columns).reset_index()
 
 
 def clearances(episodes: "pd.DataFrame") -> "pd.DataFrame":
@@ -43,5 +45,8 @@ def clearances(episodes: "pd.DataFrame") -> "pd.DataFrame":
     Args:
         episodes: the table of episodes, one row a robot and episode.
     """
+    import pandas as pd
+
     groups = episodes.groupby(["run_id", "world", "seed", "episode"], sort=True)
-    return groups.agg(clearance_m=("min_clearance_m", "min"), contacts=("collisions", "sum")).reset_index()
+    columns = {"clearance_m": groups["min_clearance_m"].min(), "contacts": groups["collisions"].sum()}
+    return pd.DataFrame(columns).reset_index()

@@ -182,7 +182,7 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
     if rows.empty:
         return None
     here, there = outcomes(rows).values()
-    limits_s = {reading.world(run_id).time_limit_s for run_id in (*rows["run_id"], *rows["run_id_other"])}
+    limits_s = {reading.world(run_id).time_limit_s for run_id in {*rows["run_id"], *rows["run_id_other"]}}
     if len(limits_s) != 1:
         raise DescriptionError(f"{reading.results.path}: {select}: the worlds must share one time limit")
     times_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()

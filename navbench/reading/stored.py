@@ -59,6 +59,11 @@ class Reading:
         return self.results.evaluations()
 
     @cached_property
+    def descriptions(self) -> "dict[str, pd.DataFrame]":
+        """The tables that controllers offered of themselves, by name."""
+        return self.results.descriptions()
+
+    @cached_property
     def cells(self) -> "pd.DataFrame":
         """One row a cell: run_id, name, label, tuning, tuning_seed."""
         import pandas as pd
@@ -90,10 +95,12 @@ class Reading:
             DescriptionError: there is no such column, or no episode matches.
         """
         rows = self.episodes
+        matching = np.ones(len(rows), dtype=bool)
         for column, value in wanted.items():
             if column not in rows.columns:
                 raise DescriptionError(f"select.{column}: there is no such column; allowed: {', '.join(rows.columns)}")
-            rows = rows[rows[column].isin(value if isinstance(value, list) else [value])]
+            matching &= rows[column].isin(value if isinstance(value, list) else [value]).to_numpy()
+        rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
         return rows

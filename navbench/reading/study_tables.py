@@ -220,7 +220,7 @@ def description(reading: Reading, name: str) -> "pd.DataFrame":
     Raises:
         DescriptionError: there is none of this name.
     """
-    tables = reading.results.descriptions()
+    tables = reading.descriptions
     if name not in tables:
         allowed = ", ".join(tables) or "none"
         raise DescriptionError(f"{reading.results.path}: no description {name!r}; there are: {allowed}")
