@@ -12,8 +12,8 @@ import yaml
 from navbench.contract import Observation, Pose
 from navbench.descriptions.record import RobotRecord
 from navbench.door.catalogue import GROUPS, files_of
+from navbench.door.composing import composing
 from navbench.door.configuration import cell_of, latest_sources
-from navbench.door.study_configuration import composing
 from navbench.experiments.cells import Cell
 from navbench.loop.similarity import native_setup
 
@@ -29,12 +29,12 @@ CellOf = Callable[[str, str], Cell]
 @pytest.fixture(scope="module")
 def cell() -> Iterator[CellOf]:
     """Composes a controller in a world, for 6 s."""
-    with composing() as composed:
+    with composing() as composer:
 
         @functools.cache
         def cell(controller: str, world: str) -> Cell:
             words = (f"controller={controller}", f"world={world}", "world.time_limit_s=6.0")
-            return cell_of(*composed("run", words))
+            return cell_of(composer.values("run", words))
 
         yield cell
 

@@ -296,3 +296,7 @@ def test_a_tuning_among_touching_boxes_is_the_same_with_one_worker_and_with_two(
     words += ["episodes=2", "start_heading_jitter_rad=0.3", "budget=20"]
     tuning, _, _ = compose_tuning(words)
     assert run_tuning(tuning, 1).evaluations == run_tuning(tuning, 2).evaluations
+
+
+def test_a_tuning_in_further_worlds_keeps_its_number_of_workers() -> None:
+    assert compose_tuning(["worlds=[deadlock]", "workers=1"])[2] == 1

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from omegaconf import OmegaConf
 
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
 from navbench.controllers import zhao2017
@@ -15,7 +14,7 @@ from navbench.controllers.oa_to import R_SHOWN_MAX_S, OaTo
 from navbench.controllers.zhao2017 import AHEAD, ASTERN, LEFT, NO_SENSOR, NO_SITUATION, RIGHT, SENSOR_ROLES
 from navbench.controllers.zhao2017_sets import DANGERS, DIRECTIONS, DISTANCES, SPEEDS, TURNS, UNIVERSES
 from navbench.controllers.zhao2018_genes import MEMBERSHIP_GENES, RULE_GENES, Repair
-from navbench.door.configuration import compose_run
+from navbench.door.configuration import compose_cell, compose_run
 from navbench.mathematics.fuzzy import memberships
 
 ANGLES_DEG = [0, 22.5, -22.5, 45, -45, 67.5, -67.5, 90, -90, 112.5, -112.5, 135, -135, 157.5, -157.5, 180]
@@ -102,8 +101,7 @@ def build(name: str = "oa_to") -> dict[str, Any]:
 
 @functools.cache
 def _controller(name: str) -> dict[str, Any]:
-    config, _ = compose_run(f"controller={name}")
-    values: dict[str, Any] = OmegaConf.to_container(config.controller, resolve=True)  # type: ignore[assignment]
+    values: dict[str, Any] = compose_run(f"controller={name}").values["controller"]
     return values
 
 
@@ -164,8 +162,7 @@ def mirrored(observation: Observation) -> Observation:
 
 
 def test_the_sensors_stand_as_the_paper_numbers_them() -> None:
-    config, _ = compose_run("controller=oa_to")
-    sensors = config.sensors
+    sensors = compose_cell("controller=oa_to").sensors
     assert tuple(mount.role for mount in sensors.mounts) == SENSOR_ROLES
     assert [math.degrees(mount.heading_rad) for mount in sensors.mounts] == pytest.approx(ANGLES_DEG)
     for mount in sensors.mounts:

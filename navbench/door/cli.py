@@ -186,7 +186,7 @@ def _check_arguments(arguments: list[str]) -> None:
     """Check what Hydra would pass over or report as a slip in the program."""
     from navbench.descriptions.description import DescriptionError
     from navbench.door.catalogue import check_folder
-    from navbench.door.configuration import check_words
+    from navbench.door.composing import check_words
 
     check_words(arguments)
     for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
@@ -202,12 +202,13 @@ def _run_cell(config: "DictConfig") -> Ran:
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
+    from navbench.door.composing import plain
     from navbench.door.configuration import cell_of
 
     job = HydraConfig.get()
     os.chdir(job.runtime.cwd)  # whatever hydra.job.chdir says: paths are relative to where the user stands
     path = Path(os.path.relpath(job.runtime.output_dir))
-    cell = cell_of(config, job.runtime.choices)
+    cell = cell_of(plain(config, job.runtime.choices))
     from navbench.experiments.running import run_cells
     from navbench.reading.figures import save_trajectories
 

@@ -1,15 +1,12 @@
 """From a composed configuration to a cell: plain values, checked, and the controller ready to be made."""
 
+import copy
 import os
-import re
 import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
-
-from hydra import compose, initialize_config_module
-from omegaconf import DictConfig, OmegaConf, open_dict
 
 from navbench.descriptions.description import DescriptionError, describe
 from navbench.descriptions.record import Names
@@ -17,9 +14,9 @@ from navbench.descriptions.robot import Robot
 from navbench.descriptions.sensors import Sensors
 from navbench.descriptions.simulation import SimulatorOptions
 from navbench.descriptions.world import World
-from navbench.door import schema
 from navbench.door.building import controller_maker
-from navbench.door.catalogue import LISTED, check_folder
+from navbench.door.catalogue import check_folder
+from navbench.door.composing import Composed, composing
 from navbench.experiments.cells import Cell
 from navbench.loop.similarity import Native, Similarity, period_s
 from navbench.loop.starts import Jitter, check_fits
@@ -41,39 +38,26 @@ def compose_cell(*overrides: str, config_dir: str | None = None) -> Cell:
         hydra.errors.HydraException: an unknown choice or key.
         DescriptionError: a wrong value; and as ``cell_of``.
     """
-    return cell_of(*compose_run(*overrides, config_dir=config_dir))
+    return cell_of(compose_run(*overrides, config_dir=config_dir))
 
 
-def compose_run(*overrides: str, config_dir: str | None = None) -> tuple[DictConfig, Mapping[str, Any]]:
-    """Return the composed configuration of a run, and which file was chosen in each group; see ``compose_cell``."""
-    schema.register()
-    check_words(overrides)
-    search = []
+def compose_run(*overrides: str, config_dir: str | None = None) -> Composed:
+    """Return the composed configuration of a run; see ``compose_cell``."""
     if config_dir is not None:
         check_folder(Path(config_dir))
-        search = [f"hydra.searchpath=[file://{os.path.abspath(config_dir)}]"]
-    with initialize_config_module("navbench.conf", version_base="1.3"):
-        config = compose("run", [*search, *overrides], return_hydra_config=True)
-    choices = dict(config.hydra.runtime.choices)
-    with open_dict(config):
-        del config["hydra"]
-    return config, choices
+    with composing(config_dir) as composer:
+        return composer.values("run", overrides)
 
 
-def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
-    """Return the cell that a composed configuration describes.
-
-    Args:
-        config: the configuration, of the primary config ``run``.
-        choices: which file was chosen in each group.
+def cell_of(run: Composed) -> Cell:
+    """Return the cell that a composed configuration, of the primary config ``run``, describes.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
-        omegaconf.errors.OmegaConfBaseException: a value is missing or an interpolation does not resolve.
     """
-    values: dict[str, Any] = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[assignment]
-    _check_run(values, OmegaConf.get_type(config))
-    names = Names(*(str(choices[name]) for name in Names._fields))
+    values = copy.deepcopy(run.values)  # of which a part after the other is taken
+    _check_run(values, run.keys)
+    names = Names(*(str(run.choices[name]) for name in Names._fields))
     sources = {
         name: latest_sources(_take(_mapping(values[name], name), "sources", f"{name}.")) for name in Names._fields
     }
@@ -109,26 +93,8 @@ def cell_of(config: DictConfig, choices: Mapping[str, Any]) -> Cell:
     )
 
 
-def check_words(words: Iterable[str]) -> None:
-    """Check the words that choose a file: Hydra takes a null, a number or a list for a slip in the program.
-
-    Raises:
-        DescriptionError: a word chooses no name.
-    """
-    for word in words:
-        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
-        if group:
-            raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
-
-
-def key_of(word: str) -> str:
-    """Return the key of a word of the command line, such as controller.build.kp."""
-    return re.split(r"[=@]", word.lstrip("+~"))[0]
-
-
-def _check_run(values: Mapping[str, Any], kind: Any) -> None:
+def _check_run(values: Mapping[str, Any], keys: Sequence[str]) -> None:
     """Check the keys beside the groups."""
-    keys = [item.name for item in fields(kind)] if is_dataclass(kind) else list(values)
     _check_keys(values, "", keys)
     for key in keys:
         if key not in values:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: str | None) -> "pd.DataFrame":
     """Run one cell and return its table of episodes; see ``navbench.run``."""
     try:
-        config, choices = compose_run(*overrides, config_dir=config_dir)
-        cell, workers = cell_of(config, choices), config.workers
+        run = compose_run(*overrides, config_dir=config_dir)
+        cell, workers = cell_of(run), run.values["workers"]
     except Exception as error:  # Hydra composes with errors of many kinds
         raise DescriptionError(one_line(error)) from error
     if path is not None:

@@ -1,33 +1,22 @@
 """From a composed configuration to a tuning or a study."""
 
-import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from hydra import compose, version
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.config_repository import ConfigRepository
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra._internal.hydra import Hydra
-from hydra._internal.utils import create_config_search_path
-from hydra.core.config_search_path import ConfigSearchPath
-from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.plugins.config_source import ConfigResult
 from hydra.utils import instantiate
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import OmegaConf
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from navbench.descriptions.description import STRICT, Count, DescriptionError, Flag, describe
-from navbench.door import schema
-from navbench.door.configuration import cell_of, check_words, key_of
+from navbench.door.composing import Composed, Composer, composing, key_of, plain
+from navbench.door.configuration import cell_of
 from navbench.door.tunable import dimensions_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.studies import Planned, Study
@@ -36,7 +25,6 @@ from navbench.reading.claims import Claim
 from navbench.reading.measures import check_measure
 from navbench.reading.sections import check_section
 
-Compose = Callable[[str, Sequence[str]], tuple[DictConfig, dict[str, Any]]]
 Seed = Annotated[int, Field(ge=0, strict=True)]
 Words = tuple[str, ...]
 
@@ -117,58 +105,6 @@ class StudyFile:
     report: tuple[Mapping[str, Any], ...] = ()
 
 
-class _Files(ConfigRepository):
-    """The configuration's files, each read once: a study composes hundreds of cells from the same ones."""
-
-    def __init__(self, search_path: ConfigSearchPath) -> None:
-        """Begin with nothing read."""
-        super().__init__(search_path)
-        self._read: dict[str, ConfigResult | None] = {}
-
-    def initialize_sources(self, config_search_path: ConfigSearchPath) -> None:
-        """Look in other folders, and forget what was read."""
-        super().initialize_sources(config_search_path)
-        self._read = {}
-
-    def load_config(self, config_path: str) -> ConfigResult | None:
-        """Return a file's content, or None if there is none."""
-        if config_path not in self._read:
-            self._read[config_path] = super().load_config(config_path)
-        return self._read[config_path]
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "_Files":
-        """Return a copy that shares what was read: Hydra copies the files' reader each time it composes."""
-        return copy(self)
-
-
-@contextmanager
-def composing(config_dir: str | None = None) -> Iterator[Compose]:
-    """Give a function that composes a primary config with overrides, and returns it with the choices in its groups."""
-    schema.register()
-    search_path = create_config_search_path("pkg://navbench.conf")
-    if config_dir is not None:
-        folder = f"file://{os.path.abspath(config_dir)}"
-        search_path.prepend("command-line", folder, anchor="schema")  # the schemas must stand last
-
-    def composed(name: str, overrides: Sequence[str]) -> tuple[DictConfig, dict[str, Any]]:
-        check_words(overrides)
-        config = compose(name, list(overrides), return_hydra_config=True)
-        HydraConfig.instance().set_config(config)
-        choices = dict(config.hydra.runtime.choices)
-        with open_dict(config):
-            del config["hydra"]
-        return config, choices
-
-    version.setbase("1.3")
-    loader = ConfigLoaderImpl(search_path)
-    loader.repository = _Files(search_path)
-    GlobalHydra.instance().initialize(Hydra("navbench", loader))
-    try:
-        yield composed
-    finally:
-        GlobalHydra.instance().clear()
-
-
 def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:
     """Return the tuning that the command line's words describe, where its results go, and with how many workers.
 
@@ -176,10 +112,11 @@ def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> t
         HydraException: an unknown choice or key.
         DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
     """
-    with composing(config_dir) as composed:
-        config, choices = composed("tune", overrides)
+    with composing(config_dir) as composer:
+        config, choices = composer.config("tune", overrides)
         path = Path(HydraConfig.get().run.dir)
-        return tuning_of(config, choices, overrides, composed), path, config.workers
+        tuning = plain(config, choices)
+        return tuning_of(tuning, overrides, composer), path, tuning.values["workers"]
 
 
 def compose_study(name: str, config_dir: str | None = None) -> Study:
@@ -189,8 +126,8 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
         HydraException: there is no such study, or a cell's overrides do not compose.
         DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
     """
-    with composing(config_dir) as composed:
-        config, _ = composed(f"study/{name}", [])
+    with composing(config_dir) as composer:
+        config, _ = composer.config(f"study/{name}", [])
         values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
         file = describe(StudyFile, values, f"study/{name}")
         for i, claim in enumerate(file.claims):
@@ -200,7 +137,7 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
         tunings = tuple(
             tuning
             for i, spec in enumerate(file.tunings)
-            for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composed)
+            for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composer)
         )
         known = {tuning.name for tuning in tunings}
         cells = []
@@ -208,17 +145,17 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
             if spec.tuning and spec.tuning not in known:
                 allowed = ", ".join(sorted(known)) or "none: this study has no tunings"
                 raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; allowed: {allowed}")
-            cells += _cells(f"study/{name}.cells[{i}]", spec, composed)
+            cells += _cells(f"study/{name}.cells[{i}]", spec, composer)
     content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
     return Study(name=name, tunings=tunings, cells=tuple(cells), content=content)
 
 
-def _cells(key: str, spec: CellSpec, composed: Compose) -> list[Planned]:
+def _cells(key: str, spec: CellSpec, composer: Composer) -> list[Planned]:
     planned = []
     for label, overrides in spec.labelled().items():
         for words in _products(overrides):
             try:
-                cell = cell_of(*composed("run", [*words, f"episodes={spec.episodes}", f"seed={spec.seed}"]))
+                cell = cell_of(composer.values("run", [*words, f"episodes={spec.episodes}", f"seed={spec.seed}"]))
             except DescriptionError as error:
                 raise DescriptionError(f"{key}: {error}") from None
             cell = replace(cell, keep_trajectories=spec.trajectories)
@@ -226,9 +163,9 @@ def _cells(key: str, spec: CellSpec, composed: Compose) -> list[Planned]:
     return planned
 
 
-def _tunings(key: str, spec: TuningSpec, composed: Compose) -> list[Tuning]:
+def _tunings(key: str, spec: TuningSpec, composer: Composer) -> list[Tuning]:
     try:
-        first = tuning_of(*composed("tune", spec.overrides), spec.overrides, composed)
+        first = tuning_of(composer.values("tune", spec.overrides), spec.overrides, composer)
     except DescriptionError as error:
         raise DescriptionError(f"{key}: {error}") from None
     return [replace(first, name=spec.name, seed=seed) for seed in range(spec.seeds)]
@@ -241,20 +178,19 @@ def _products(overrides: Sequence[str]) -> list[list[str]]:
     return products
 
 
-def tuning_of(config: DictConfig, choices: Mapping[str, Any], overrides: Sequence[str], composed: Compose) -> Tuning:
+def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) -> Tuning:
     """Return the tuning that a composed configuration describes.
 
     Args:
-        config: the configuration, of the primary config ``tune``.
-        choices: which file was chosen in each group.
+        composed: the configuration, of the primary config ``tune``.
         overrides: the words that it was composed with.
-        composed: composes the cells in its further worlds.
+        composer: composes the cells in its further worlds.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
     """
-    values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
-    cell = cell_of(config, choices)
+    values, choices = composed.values, composed.choices
+    cell = cell_of(composed)
     tunable = values["controller"].get("tunable") or {}
     if not tunable:
         raise DescriptionError(
@@ -272,7 +208,7 @@ def tuning_of(config: DictConfig, choices: Mapping[str, Any], overrides: Sequenc
         name=name,
         tuner_name=str(choices["tuner"]),
         objective_name=str(choices["objective"]),
-        cells=(cell, *_further_cells(values["worlds"], choices, overrides, composed)),
+        cells=(cell, *_further_cells(values["worlds"], choices, overrides, composer)),
         tuner=_made("tuner.build", build.get("build")),
         dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
         objective=describe(Objective, values["objective"], "objective"),
@@ -297,7 +233,7 @@ def _made(key: str, build: Any) -> Any:
 
 
 def _further_cells(
-    worlds: Sequence[str], choices: Mapping[str, Any], overrides: Sequence[str], composed: Compose
+    worlds: Sequence[str], choices: Mapping[str, Any], overrides: Sequence[str], composer: Composer
 ) -> list[Cell]:
     """Return the cells of the same words in further worlds, each on the robot that it was drawn for or that they name.
 
@@ -311,4 +247,4 @@ def _further_cells(
     kept = [
         word for word in overrides if key_of(word) != "controller" and key_of(word).split(".")[0] not in OF_A_TUNING
     ]
-    return [cell_of(*composed("run", [controller, *kept, f"world={world}"])) for world in worlds]
+    return [cell_of(composer.values("run", [controller, *kept, f"world={world}"])) for world in worlds]

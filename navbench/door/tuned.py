@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from navbench.door.configuration import key_of
+from navbench.door.composing import key_of
 from navbench.experiments.cells import leaves_below
 from navbench.experiments.store import write_table
 from navbench.experiments.tunings import Tuning, TuningRecord

@@ -151,7 +151,7 @@ def tune(arguments: Sequence[str]) -> int:
     words = sort_words(arguments)
     if words.names:
         raise DescriptionError(f"{words.names[0]}: unknown word; tune takes key=value, such as tuner=pso")
-    from navbench.door.configuration import check_words
+    from navbench.door.composing import check_words
     from navbench.door.study_configuration import compose_tuning
 
     check_words(words.overrides)
