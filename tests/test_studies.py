@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import time
@@ -14,6 +15,9 @@ from commands import NAVBENCH, Command
 
 from navbench.descriptions.description import DescriptionError
 from navbench.descriptions.record import CellKey
+from navbench.door import composing
+from navbench.door.catalogue import CONF
+from navbench.door.configuration import compose_cell
 from navbench.door.study_configuration import compose_study, compose_tuning
 from navbench.experiments.store import Results
 from navbench.experiments.studies import Study, run_study
@@ -300,3 +304,16 @@ def test_a_tuning_among_touching_boxes_is_the_same_with_one_worker_and_with_two(
 
 def test_a_tuning_in_further_worlds_keeps_its_number_of_workers() -> None:
     assert compose_tuning(["worlds=[deadlock]", "workers=1"])[2] == 1
+
+
+def test_a_file_that_changes_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (CONF / "world/corner.yaml").read_text()
+    shutil.copytree(CONF, tmp_path / "conf")
+    monkeypatch.setattr(composing, "CONF", tmp_path / "conf")
+    monkeypatch.setattr(composing, "OWN", f"file://{tmp_path}/conf")
+    limits = []
+    for limit in ("60.0", "61.0", "62.00"):
+        changed = text.replace("time_limit_s: 60.0", f"time_limit_s: {limit}")
+        (tmp_path / "conf/world/corner.yaml").write_text(changed)
+        limits.append(compose_cell("world=corner").world.time_limit_s)
+    assert limits == [60.0, 61.0, 62.0]

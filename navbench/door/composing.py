@@ -2,9 +2,11 @@
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from hydra import compose, version
@@ -17,8 +19,10 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from navbench.descriptions.description import DescriptionError
 from navbench.door import schema
-from navbench.door.catalogue import LISTED
+from navbench.door.catalogue import CONF, LISTED
 from navbench.door.parts import PartsLoader
+
+OWN = "pkg://navbench.conf"
 
 
 class Composed(NamedTuple):
@@ -88,16 +92,28 @@ class Composer(NamedTuple):
 def composing(config_dir: str | None = None) -> Iterator[Composer]:
     """Give what composes from navbench's own files, and from those of a folder, as after ``--config-dir``."""
     schema.register()
-    search_path = create_config_search_path("pkg://navbench.conf")
+    search_path = create_config_search_path(OWN)
     if config_dir is not None:
         folder = f"file://{os.path.abspath(config_dir)}"
         search_path.prepend("command-line", folder, anchor="schema")  # the schemas must stand last
     version.setbase("1.3")
     GlobalHydra.instance().initialize(Hydra("navbench", ConfigLoaderImpl(search_path)))
     try:
-        yield Composer(PartsLoader(search_path))
+        yield Composer(PartsLoader(search_path) if config_dir is not None else _own_parts(_state(CONF)))
     finally:
         GlobalHydra.instance().clear()
+
+
+@lru_cache(maxsize=1)
+def _own_parts(state: Hashable) -> PartsLoader:
+    """Return what composes from navbench's own files, the same as long as these stay as they are."""
+    return PartsLoader(create_config_search_path(OWN))
+
+
+def _state(folder: Path) -> Hashable:
+    """Return what is another one when a file has changed."""
+    stats = ((file, file.stat()) for file in sorted(folder.rglob("*.yaml")) if file.is_file())
+    return tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats)
 
 
 def check_words(words: Iterable[str]) -> None:
