@@ -12,6 +12,19 @@ from navbench.mathematics.geometry import box_distance, distance_to_nearest
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+# A ray in the robot frame, and how a hit becomes a reading.
+RAY = np.dtype(
+    [
+        ("begin_x_m", "f8"),
+        ("begin_y_m", "f8"),
+        ("end_x_m", "f8"),
+        ("end_y_m", "f8"),
+        ("length_m", "f8"),
+        ("offset_m", "f8"),  # of it, how much lies before the mount
+        ("sensor", "i8"),
+        ("is_only_one", "i8"),  # of its sensor
+    ]
+)
 HAIR_RADII = 0.01  # more than the engine's own tolerance, 0.001 units where a radius has 4 or more
 
 
@@ -31,10 +44,10 @@ class Rays:
     def __init__(self, sensors: Sensors, radius_m: float, scale: float) -> None:
         self.begins: list[tuple[float, float, float]] = []
         self.ends: list[tuple[float, float, float]] = []
-        lengths, offsets, first, points, tips = [], [], [0], [], []
+        rays: list[tuple[float, ...]] = []
         reach, exposed = 0.0, 0.0
         self.nothing = np.array([mount.max_range_m for mount in sensors.complete_mounts()], dtype=np.float64)
-        for mount in sensors.complete_mounts():
+        for sensor, mount in enumerate(sensors.complete_mounts()):
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
             for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
                 cosine, sine = math.cos(mount.heading_rad + turn), math.sin(mount.heading_rad + turn)
@@ -45,16 +58,10 @@ class Rays:
                 reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
-                points.append(begin)
-                tips.append(end)
+                rays.append((*begin, *end, back + limit, back, sensor, count == 1))
                 self.begins.append((begin[0] * scale, begin[1] * scale, 0.0))
                 self.ends.append((end[0] * scale, end[1] * scale, 0.0))
-                lengths.append(back + limit)
-                offsets.append(back)
-            first.append(len(lengths))
-        self._lengths, self._offsets, self._first = np.array(lengths), np.array(offsets), np.array(first)
-        self._points, self._tips = np.array(points).reshape(-1, 2), np.array(tips).reshape(-1, 2)
-        self._sensors = np.repeat(np.arange(len(first) - 1), np.diff(first))
+        self._rays = np.array(rays, RAY)
         self._radius_m = radius_m
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
@@ -75,15 +82,12 @@ class Rays:
         Returns:
             All robots' numbers in a row, and (n + 1,) how many came before each robot's, with their sum as the last.
         """
-        return _decisive(
-            robots, self._radius_m, self.reach_m, self._points, self._tips, self._lengths, self._offsets, self._sensors,
-            self._first, boxes, discs, polygons,
-        )  # fmt: skip
+        return _decisive(robots, self._radius_m, self.reach_m, self._rays, boxes, discs, polygons)
 
     def read(self, rays: IntArray, before: IntArray, fractions: list[float]) -> FloatArray:
         """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``decisive``."""
         free = np.array(fractions, dtype=np.float64)
-        return _nearest_of_each(rays, before, free, self._lengths, self._offsets, self._sensors, self.nothing)
+        return _nearest_of_each(rays, before, free, self._rays, self.nothing)
 
     def bury(
         self,
@@ -96,7 +100,7 @@ class Rays:
         polygons: FloatArray,
     ) -> None:
         """Set to 0, in place, the readings of sensors with a ray that begins inside something: it hits nothing."""
-        _bury(ranges, self._points, self._first, x_m, y_m, heading_rad, boxes, discs, polygons)
+        _bury(ranges, self._rays, x_m, y_m, heading_rad, boxes, discs, polygons)
 
 
 def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:
@@ -113,21 +117,16 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
 
 @numba.njit(cache=True)
 def _nearest_of_each(
-    rays: IntArray,
-    before: IntArray,
-    fractions: FloatArray,
-    lengths: FloatArray,
-    offsets: FloatArray,
-    sensors: IntArray,
-    nothing: FloatArray,
+    asked: IntArray, before: IntArray, fractions: FloatArray, rays: NDArray[np.void], nothing: FloatArray
 ) -> FloatArray:
     ranges = np.empty((before.shape[0] - 1, nothing.shape[0]))
     for i in range(ranges.shape[0]):
         ranges[i] = nothing
         for k in range(before[i], before[i + 1]):
-            ray, sensor = rays[k], sensors[rays[k]]
+            ray = rays[asked[k]]
             if fractions[k] < 1.0:
-                ranges[i, sensor] = min(ranges[i, sensor], max(fractions[k] * lengths[ray] - offsets[ray], 0.0))
+                reading = max(fractions[k] * ray.length_m - ray.offset_m, 0.0)
+                ranges[i, ray.sensor] = min(ranges[i, ray.sensor], reading)
     return ranges
 
 
@@ -136,21 +135,16 @@ def _decisive(
     robots: NDArray[np.void],
     radius_m: float,
     reach_m: float,
-    begins: FloatArray,
-    ends: FloatArray,
-    lengths: FloatArray,
-    offsets: FloatArray,
-    sensors: IntArray,
-    rays_before: IntArray,
+    rays: NDArray[np.void],
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
 ) -> tuple[IntArray, IntArray]:
     hair = HAIR_RADII * radius_m
-    found = np.empty(robots.shape[0] * begins.shape[0], np.int64)
+    found = np.empty(robots.shape[0] * rays.shape[0], np.int64)
     before = np.empty(robots.shape[0] + 1, np.int64)
-    least = np.empty(begins.shape[0])  # what each ray may read at least
-    most = np.empty(begins.shape[0])  # what each sensor reads at most, by its number
+    least = np.empty(rays.shape[0])  # what each ray may read at least
+    most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number
     near_boxes = np.empty(boxes.shape[0], np.int64)
     near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
     count = 0
@@ -163,15 +157,15 @@ def _decisive(
         n_boxes = _boxes_within(x, y, reach_m + radius_m, boxes, near_boxes)
         n_circles = _circles_within(x, y, reach_m + radius_m, robots, index, radius_m, discs, polygons, near_circles)
         most[:] = math.inf
-        for ray in range(begins.shape[0]):
-            ax = x + cosine * begins[ray, 0] - sine * begins[ray, 1]
-            ay = y + sine * begins[ray, 0] + cosine * begins[ray, 1]
-            ux = cosine * (ends[ray, 0] - begins[ray, 0]) - sine * (ends[ray, 1] - begins[ray, 1])
-            uy = sine * (ends[ray, 0] - begins[ray, 0]) + cosine * (ends[ray, 1] - begins[ray, 1])
-            only_one = rays_before[sensors[ray] + 1] - rays_before[sensors[ray]] == 1  # of its sensor: it is decisive
+        for k in range(rays.shape[0]):
+            ray = rays[k]
+            ax = x + cosine * ray.begin_x_m - sine * ray.begin_y_m
+            ay = y + sine * ray.begin_x_m + cosine * ray.begin_y_m
+            ux = cosine * (ray.end_x_m - ray.begin_x_m) - sine * (ray.end_y_m - ray.begin_y_m)
+            uy = sine * (ray.end_x_m - ray.begin_x_m) + cosine * (ray.end_y_m - ray.begin_y_m)
             first, last = math.inf, math.inf
             for i in range(n_boxes):
-                low, high = _enters_box(ax, ay, ux, uy, boxes, near_boxes[i], hair, -1.0 if only_one else last)
+                low, high = _enters_box(ax, ay, ux, uy, boxes, near_boxes[i], hair, -1.0 if ray.is_only_one else last)
                 first, last = min(first, low), min(last, high)
             for i in range(n_circles):
                 low, high = _enters_circle(
@@ -184,14 +178,14 @@ def _decisive(
                     near_circles[i, 2],
                     near_circles[i, 3] == 1.0,
                     hair,
-                    -1.0 if only_one else last,
+                    -1.0 if ray.is_only_one else last,
                 )
                 first, last = min(first, low), min(last, high)
-            least[ray] = max(first * lengths[ray] - offsets[ray], 0.0)
-            most[sensors[ray]] = min(most[sensors[ray]], max(last * lengths[ray] - offsets[ray], 0.0))
-        for ray in range(begins.shape[0]):
-            if least[ray] < math.inf and least[ray] <= most[sensors[ray]]:
-                found[count] = ray
+            least[k] = max(first * ray.length_m - ray.offset_m, 0.0)
+            most[ray.sensor] = min(most[ray.sensor], max(last * ray.length_m - ray.offset_m, 0.0))
+        for k in range(rays.shape[0]):
+            if least[k] < math.inf and least[k] <= most[rays[k].sensor]:
+                found[count] = k
                 count += 1
     before[-1] = count
     return found[:count], before
@@ -313,8 +307,7 @@ def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray,
 @numba.njit(cache=True)
 def _bury(
     ranges: FloatArray,
-    points: FloatArray,
-    first: NDArray[np.int64],
+    rays: NDArray[np.void],
     x_m: float,
     y_m: float,
     heading_rad: float,
@@ -323,9 +316,8 @@ def _bury(
     polygons: FloatArray,
 ) -> None:
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
-    for sensor in range(ranges.shape[0]):
-        for ray in range(first[sensor], first[sensor + 1]):
-            px = x_m + cosine * points[ray, 0] - sine * points[ray, 1]
-            py = y_m + sine * points[ray, 0] + cosine * points[ray, 1]
-            if distance_to_nearest(px, py, boxes, discs, polygons) <= 0.0:
-                ranges[sensor] = 0.0
+    for k in range(rays.shape[0]):
+        px = x_m + cosine * rays[k].begin_x_m - sine * rays[k].begin_y_m
+        py = y_m + sine * rays[k].begin_x_m + cosine * rays[k].begin_y_m
+        if distance_to_nearest(px, py, boxes, discs, polygons) <= 0.0:
+            ranges[rays[k].sensor] = 0.0

@@ -148,6 +148,7 @@ class Simulator:
             )  # fmt: skip
         self._drive = Drive(self.robot, self.options, self._accel_max_mps2, len(starts))
         self._ledger = ContactLedger(len(starts))
+        self._nothing = np.tile(self._rays.nothing, (len(starts), 1))
         self._running = len(starts)
         self._poses = np.empty((len(starts), 4))
         self._posed = False
@@ -188,10 +189,15 @@ class Simulator:
         that may be what their sensors read.
         """
         rays, scene = self._rays, self.scene
+        clearances_m = self.robots["clearance_m"].tolist()
+        if min(clearances_m) > rays.reach_m:
+            return self._nothing.copy()
         decisive, before = rays.decisive(self.robots, scene.boxes, scene.discs, scene.polygons)
         numbers, firsts = decisive.tolist(), before.tolist()
+        if not numbers:
+            return self._nothing.copy()
         fractions: list[float] = []
-        if numbers and not self._posed:
+        if not self._posed:
             self._pose_bodies()
         for body, first, stop in zip(self._robot_bodies, firsts, firsts[1:], strict=False):
             if first < stop:
@@ -204,7 +210,7 @@ class Simulator:
                 )
                 fractions += [hit[2] for hit in hits]
         ranges = rays.read(decisive, before, fractions)
-        for i, clearance_m in enumerate(self.robots["clearance_m"].tolist()):
+        for i, clearance_m in enumerate(clearances_m):
             if (self._ledger.touching[i] or clearance_m <= rays.exposed_m) and self.robots[i]["running"]:
                 row = self.robots[i]
                 others = np.concatenate([scene.discs, other_robots(self.robots, i, self.robot.radius_m)])
