@@ -361,10 +361,11 @@ def test_equal_values_give_what_was_built_before_and_others_do_not() -> None:
     assert build({"a": 1.0, "b": {"c": 2.0}}) is first
     for other in ({"a": 1, "b": {"c": 2.0}}, {"b": {"c": 2.0}, "a": 1.0}, {"a": 1.0, "b": {"c": 2.5}}):
         assert build(other) == [other, 1.0]
+    assert build({"a": 1.0, "b": {"c": 2.0}}, gain=2.0) == [{"a": 1.0, "b": {"c": 2.0}}, 2.0]
     for _ in range(2):
         with pytest.raises(ValueError, match="gain=True"):
             build({"a": 1.0}, gain=True)
-    assert len(built) == 4
+    assert len(built) == 5
     for k in range(REMEMBERED_MAX):
         build({"k": k})
     assert build({"a": 1.0, "b": {"c": 2.0}}) is not first
