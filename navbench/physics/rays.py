@@ -144,7 +144,7 @@ def _decisive(
     found = np.empty(robots.shape[0] * rays.shape[0], np.int64)
     before = np.empty(robots.shape[0] + 1, np.int64)
     least = np.empty(rays.shape[0])  # what each ray may read at least
-    most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number
+    most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number; no more sensors than rays
     near_boxes = np.empty(boxes.shape[0], np.int64)
     near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
     count = 0
@@ -165,21 +165,13 @@ def _decisive(
             uy = sine * (ray.end_x_m - ray.begin_x_m) + cosine * (ray.end_y_m - ray.begin_y_m)
             first, last = math.inf, math.inf
             for i in range(n_boxes):
-                low, high = _enters_box(ax, ay, ux, uy, boxes, near_boxes[i], hair, -1.0 if ray.is_only_one else last)
+                enough = -1.0 if ray.is_only_one else last  # a sensor's only ray decides whatever it reads at most
+                low, high = _enters_box(ax, ay, ux, uy, boxes, near_boxes[i], hair, enough)
                 first, last = min(first, low), min(last, high)
-            for i in range(n_circles):
-                low, high = _enters_circle(
-                    ax,
-                    ay,
-                    ux,
-                    uy,
-                    near_circles[i, 0],
-                    near_circles[i, 1],
-                    near_circles[i, 2],
-                    near_circles[i, 3] == 1.0,
-                    hair,
-                    -1.0 if ray.is_only_one else last,
-                )
+            for i in range(n_circles):  # number by number: to pass a row takes longer than what is done with it
+                cx, cy, radius, is_disc = near_circles[i, 0], near_circles[i, 1], near_circles[i, 2], near_circles[i, 3]
+                enough = -1.0 if ray.is_only_one else last
+                low, high = _enters_circle(ax, ay, ux, uy, cx, cy, radius, is_disc == 1.0, hair, enough)
                 first, last = min(first, low), min(last, high)
             least[k] = max(first * ray.length_m - ray.offset_m, 0.0)
             most[ray.sensor] = min(most[ray.sensor], max(last * ray.length_m - ray.offset_m, 0.0))

@@ -120,7 +120,7 @@ class Simulator:
         if self.options.gui:
             self._look_from_above(world.bounds)
         self._names = {}
-        # without a shape to be seen PyBullet makes one of triangles for each sphere, which takes longer than all else
+        # a sphere's: without one PyBullet makes one of triangles for each, which takes longer than the body itself
         self._unseen = pybullet.createVisualShape(
             pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 1.0], physicsClientId=self._client
         )
