@@ -8,7 +8,7 @@ import pytest
 
 from navbench.door.configuration import compose_cell
 from navbench.experiments.cells import EPISODES, Batch
-from navbench.experiments.engines import Work, run
+from navbench.experiments.engines import Work, in_processes, run
 
 KILLER = 13
 
@@ -49,6 +49,24 @@ def test_only_the_piece_that_kills_its_process_is_lost() -> None:
 
 def test_a_single_batch_that_kills_its_process_is_lost_alone_too() -> None:
     assert dict(run(DOUBLE, [[1, KILLER]], workers=2)) == {0: [2, -KILLER]}
+
+
+def _half(number: int) -> float:
+    if number == KILLER:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 1.0 / number
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_in_processes_does_as_map(workers: int) -> None:
+    assert in_processes(_half, [1, 2, 4, 8], workers=workers) == [1.0, 0.5, 0.25, 0.125]
+    with pytest.raises(ZeroDivisionError):
+        in_processes(_half, [1, 0, 2], workers=workers)
+
+
+def test_in_processes_says_of_what_a_process_died() -> None:
+    with pytest.raises(RuntimeError, match=f"the process died that had to do with {KILLER}"):
+        in_processes(_half, [1, KILLER], workers=2)
 
 
 def test_an_unknown_engine_is_refused() -> None:

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store
 from navbench.controllers.sflc import RULES, Sflc
 from navbench.descriptions.description import DescriptionError
 from navbench.descriptions.record import RobotRecord, StudyCell
+from navbench.experiments.engines import in_processes
 from navbench.experiments.store import Results
 from navbench.reading.claims import Measured
 from navbench.reading.comparison import fair_comparison
@@ -290,6 +292,11 @@ def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, 
     environment = {**os.environ, "PYTHONHASHSEED": "12345", "TZ": "Asia/Tokyo"}
     path = stored.results.path
     subprocess.run([sys.executable, "-c", code, str(path), str(tmp_path)], check=True, env=environment)
+    assert bytes_of(tmp_path) == bytes_of(written)
+
+
+def test_a_report_is_the_same_bytes_from_several_processes(stored: Reading, written: Path, tmp_path: Path) -> None:
+    write_report([stored.results], tmp_path, partial(in_processes, workers=2))
     assert bytes_of(tmp_path) == bytes_of(written)
 
 

@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -68,6 +69,7 @@ def study(arguments: Sequence[str]) -> int:
     name = words.names[0]
     options = _study_options(words.overrides)
     from navbench.door.study_configuration import compose_study
+    from navbench.experiments.engines import in_processes
     from navbench.experiments.studies import run_study
     from navbench.reading.reports import write_report
 
@@ -82,7 +84,7 @@ def study(arguments: Sequence[str]) -> int:
             file=sys.stderr,
         )
         return 130
-    written = write_report([results], Path("results") / name)
+    written = write_report([results], Path("results") / name, partial(in_processes, **options))
     print(_first_lines(written))
     return 0
 

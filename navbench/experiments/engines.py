@@ -60,6 +60,30 @@ def run(
         yield from ENGINES[engine](work, batches, min(count, max(len(batches), 1)))
 
 
+def in_processes(
+    do: Callable[[Batch], Result], items: Sequence[Batch], engine: str = "local", workers: int | None = None
+) -> list[Result]:
+    """Return what ``do`` makes of each item, in order, as ``map`` does, but from several processes.
+
+    Args:
+        do: what to do; it and the items can be sent to another process.
+        items: what to do it on.
+        engine: where, as in ``run``.
+        workers: processes, as in ``run``.
+
+    Raises:
+        RuntimeError: a process died of an item.
+        Exception: whatever it raises.
+    """
+
+    def lost(item: Batch) -> Result:
+        raise RuntimeError(f"the process died that had to do with {item}")
+
+    work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0])
+    done = dict(run(work, items, engine, workers))
+    return [done[index] for index in range(len(items))]
+
+
 def _run_locally(work: Work[Batch, Result], batches: Sequence[Batch], workers: int) -> Iterator[tuple[int, Result]]:
     """Run batches in worker processes of this machine."""
     deaths = dict.fromkeys(range(len(batches)), 0)

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,15 @@ from navbench.reading.sections import check_section, write_section
 from navbench.reading.stored import Reading
 from navbench.reading.tables import failures, summarize, to_markdown
 
+Each = Callable[[Callable[[Mapping[str, Any]], str], Sequence[Mapping[str, Any]]], Iterable[str]]
+
 PANELS = 12  # a figure of more cells cannot be read
 NAMED = ("run_id", "config_hash", "name", "label", "tuning", "tuning_seed")
 WHERE = ("controller", "world", "robot", "sensors", "simulator", "episodes", "seed")
 TUNED = ("tuning_id", "config_hash", "name", "tuner", "objective", "controller", "worlds", "seed", "budget")
 
 
-def write_report(runs: Sequence[Results], out: Path) -> list[Path]:
+def write_report(runs: Sequence[Results], out: Path, each: Each = map) -> list[Path]:
     """Write a report of some results directories, and return the files that it consists of.
 
     A study that says what its report holds gets that report: ``report.md``, ``claims.csv``, ``tables/``, ``figures/``
@@ -30,6 +33,8 @@ def write_report(runs: Sequence[Results], out: Path) -> list[Path]:
     Args:
         runs: the results directories.
         out: the report's directory.
+        each: writes the sections of a study's report, which do not hang on each other: ``map``, or what does the same
+            in several processes.
 
     Raises:
         DescriptionError: there are no results, or a study asks for what they do not hold.
@@ -38,10 +43,10 @@ def write_report(runs: Sequence[Results], out: Path) -> list[Path]:
     studies = {r.manifest["study"]["name"]: r for r in readings if (r.manifest["study"] or {}).get("report")}
     others = [reading for reading in readings if reading not in studies.values()]
     if len(studies) == 1 and not others:
-        return _finish(out, _study(next(iter(studies.values())), out))
+        return _finish(out, _study(next(iter(studies.values())), out, each))
     text, files = "", []
     for name, reading in studies.items():
-        files += _finish(out / name, _study(reading, out / name))
+        files += _finish(out / name, _study(reading, out / name, each))
         text += f"- [{reading.manifest['study']['title']}]({name}/report.md)\n"
     if others:
         text = f"{_runs(others, out)}\n{text}"
@@ -50,7 +55,7 @@ def write_report(runs: Sequence[Results], out: Path) -> list[Path]:
     return [*_finish(out, text), *files]
 
 
-def _study(reading: Reading, out: Path) -> str:
+def _study(reading: Reading, out: Path, each: Each) -> str:
     """Write the sections of a study's report, and return it in Markdown."""
     study = reading.manifest["study"]
     for i, spec in enumerate(study["report"]):
@@ -58,7 +63,7 @@ def _study(reading: Reading, out: Path) -> str:
     parts = [f"# {study['title']}\n"]
     if study.get("summary"):
         parts.append(study["summary"].strip() + "\n")
-    parts += [write_section(reading, out, spec) for spec in study["report"]]
+    parts += each(partial(write_section, reading, out), study["report"])
     parts.append(_making(reading.manifest))
     write_table(out / "manifest.json", json.dumps(_small(reading.manifest), indent=1) + "\n")
     return "\n".join(parts)

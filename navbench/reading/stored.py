@@ -29,6 +29,10 @@ class Reading:
         self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel to another process as the directory alone, to be read again there."""
+        return Reading, (self.results,)
+
     @cached_property
     def episodes(self) -> "pd.DataFrame":
         """The table of episodes, with each cell's name, label, tuning and tuning_seed in front.
