@@ -2,6 +2,7 @@
 
 import math
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 _NO_DISCS: FloatArray = np.empty((0, 5))
 _NO_DISCS.flags.writeable = False
+_NONE: FloatArray = np.empty(0)
 
 
 class Perception:
@@ -49,8 +51,10 @@ class Perception:
         self._range_rng = stream(seed, world, episode, "range", index) if sensors.noise_std_m else None
         self._dropout_rng = stream(seed, world, episode, "dropout", index) if sensors.dropout_probability else None
         self._errs = bool(sensors.noise_std_m or sensors.dropout_probability)
-        self._has_least = self._errs or bool((self._min > 0.0).any())  # else no reading is below it
+        self._has_least = bool((self._min > 0.0).any())  # else no reading without errors is below it
         self._converts = not similarity.identity
+        length, time = similarity
+        self._to_native = np.array([1.0 / length, 1.0 / length, 1.0 / length, time / length, time / length])
         tracker = sensors.tracker
         self._tracker_rng = (
             stream(seed, world, episode, "tracker", index) if tracker and tracker.position_noise_std_m else None
@@ -94,16 +98,12 @@ class Perception:
             touching: whether the robot touches something.
             discs: (n, 5) x, y, radius, vx, vy of everything round [m, m/s]; None without a tracker.
         """
-        if self._range_rng is not None:
-            noise = self._sensors.noise_std_m * self._range_rng.standard_normal(len(ranges_m))
-            ranges_m += np.where(
-                ranges_m < self._max, noise, 0.0
-            )  # where nothing is seen there is nothing to err about
-        if self._dropout_rng is not None:
-            ranges_m[self._dropout_rng.random(len(ranges_m)) < self._sensors.dropout_probability] = math.inf
         if self._errs:
-            np.minimum(ranges_m, self._max, out=ranges_m)
-        if self._has_least:
+            count, sensors = len(ranges_m), self._sensors
+            errors = _NONE if self._range_rng is None else self._range_rng.standard_normal(count)
+            chances = _NONE if self._dropout_rng is None else self._dropout_rng.random(count)
+            _err(ranges_m, errors, sensors.noise_std_m, chances, sensors.dropout_probability, self._min, self._max)
+        elif self._has_least:
             np.maximum(ranges_m, self._min, out=ranges_m)
         pose, (v, w) = (self._believed, self._believed_speed) if self._drifts else (true_pose, true_speed)
         seen = _NO_DISCS if discs is None else self._track(discs, true_pose, pose)
@@ -118,7 +118,7 @@ class Perception:
             w * time,
             ranges_m / length,
             touching,
-            seen * np.array([1.0 / length, 1.0 / length, 1.0 / length, time / length, time / length]),
+            seen if discs is None else seen * self._to_native,
         )
 
     def _track(self, discs: FloatArray, true_pose: Pose, pose: Pose) -> FloatArray:
@@ -137,3 +137,32 @@ class Perception:
             seen[:, :2] = (seen[:, :2] - true_pose[:2]) @ turned + pose[:2]
             seen[:, 3:] = seen[:, 3:] @ turned
         return seen
+
+
+@numba.njit(cache=True)
+def _err(
+    ranges: FloatArray,
+    errors: FloatArray,
+    noise_std: float,
+    chances: FloatArray,
+    dropout_probability: float,
+    least: FloatArray,
+    most: FloatArray,
+) -> None:
+    """Add errors to exact readings [m], in place, and keep them within what each sensor can read.
+
+    Args:
+        ranges: (n,) exact readings.
+        errors: (n,) of each reading, in standard deviations, or (0,) for none.
+        noise_std: the standard deviation.
+        chances: (n,) in [0, 1), or (0,) for none; below ``dropout_probability`` a sensor sees nothing.
+        dropout_probability: how often that is.
+        least: (n,) the smallest readings.
+        most: (n,) the largest readings, which stand for nothing seen: there is nothing to err about.
+    """
+    for i in range(ranges.shape[0]):
+        if errors.shape[0] and ranges[i] < most[i]:
+            ranges[i] += noise_std * errors[i]
+        if chances.shape[0] and chances[i] < dropout_probability:
+            ranges[i] = most[i]
+        ranges[i] = max(min(ranges[i], most[i]), least[i])

@@ -38,17 +38,14 @@ class ContactLedger:
     Attributes:
         counts: each robot's contacts so far.
         touching: whether each robot is held by something now.
+        any_held: whether any contact lasts.
     """
 
     def __init__(self, robots: int) -> None:
         self.counts = [Contacts()] * robots
         self.touching = [False] * robots
+        self.any_held = False
         self._held_m: list[float | None] = [None] * robots  # clearance where a robot was held
-
-    @property
-    def any_held(self) -> bool:
-        """Whether any contact lasts."""
-        return any(held_m is not None for held_m in self._held_m)
 
     def add(self, index: int, reason: str, robots: NDArray[np.void]) -> None:
         """Count one contact of a robot."""
@@ -71,6 +68,7 @@ class ContactLedger:
             elif held_m is not None and clearance_m > held_m + HAIR_RADII * radius_m:
                 self._held_m[i] = None
             self.touching[i] = i in hit
+        self.any_held = any(held_m is not None for held_m in self._held_m)
 
 
 def _stands(robots: NDArray[np.void], index: int) -> bool:

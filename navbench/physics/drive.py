@@ -49,11 +49,16 @@ class Drive:
         """
         limit = self._robot.wheel_speed_max_mps
         turn = 0.5 * w_radps * self._robot.track_m
-        if not (math.isfinite(v_mps - turn) and math.isfinite(v_mps + turn)):
-            raise ValueError(f"the wheels' speeds must be finite, got v_mps={v_mps}, w_radps={w_radps} in the world")
-        left = min(max(v_mps - turn, -limit), limit)
-        right = min(max(v_mps + turn, -limit), limit)
-        self.fastest_mps = max(self.fastest_mps, 0.5 * abs(left + right))
+        left, right = v_mps - turn, v_mps + turn
+        if not (-limit <= left <= limit and -limit <= right <= limit):
+            if not (math.isfinite(left) and math.isfinite(right)):
+                raise ValueError(
+                    f"the wheels' speeds must be finite, got v_mps={v_mps}, w_radps={w_radps} in the world"
+                )
+            left, right = min(max(left, -limit), limit), min(max(right, -limit), limit)
+        speed = 0.5 * abs(left + right)
+        if speed > self.fastest_mps:
+            self.fastest_mps = speed
         self._issued[index, 0] = left
         self._issued[index, 1] = right
 

@@ -46,7 +46,7 @@ class Rays:
         self.ends: list[tuple[float, float, float]] = []
         rays: list[tuple[float, ...]] = []
         reach, exposed = 0.0, 0.0
-        self.nothing = np.array([mount.max_range_m for mount in sensors.complete_mounts()], dtype=np.float64)
+        self.nothing = [float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()]
         for sensor, mount in enumerate(sensors.complete_mounts()):
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
             for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
@@ -62,13 +62,14 @@ class Rays:
                 self.begins.append((begin[0] * scale, begin[1] * scale, 0.0))
                 self.ends.append((end[0] * scale, end[1] * scale, 0.0))
         self._rays = np.array(rays, RAY)
+        self._readings = [(length_m, offset_m, int(sensor)) for *_, length_m, offset_m, sensor, _ in rays]
         self._radius_m = radius_m
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
 
     def decisive(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
-    ) -> tuple[IntArray, IntArray]:
+    ) -> list[int]:
         """Return the numbers of those rays of the running robots that may be what their sensors read.
 
         They may hit something, perhaps by a hair, and no other ray of the same sensor surely reads less.
@@ -80,14 +81,19 @@ class Rays:
             polygons: (l, ...) as in ``World.polygon_rows``.
 
         Returns:
-            All robots' numbers in a row, and (n + 1,) how many came before each robot's, with their sum as the last.
+            Where in this list each robot's numbers begin and where the last one's end, n + 1 places; then the numbers.
         """
-        return _decisive(robots, self._radius_m, self.reach_m, self._rays, boxes, discs, polygons)
+        asked: list[int] = _decisive(robots, self._radius_m, self.reach_m, self._rays, boxes, discs, polygons).tolist()
+        return asked
 
-    def read(self, rays: IntArray, before: IntArray, fractions: list[float]) -> FloatArray:
-        """Return the readings (n_robots, n_sensors) [m] for the fraction that is free of each ray of ``decisive``."""
-        free = np.array(fractions, dtype=np.float64)
-        return _nearest_of_each(rays, before, free, self._rays, self.nothing)
+    def read(self, rays: list[int], fractions: list[float]) -> list[float]:
+        """Return one robot's readings [m], for the share of each of these rays that is free."""
+        readings = self.nothing.copy()
+        for ray, free in zip(rays, fractions, strict=True):
+            if free < 1.0:
+                length_m, offset_m, sensor = self._readings[ray]
+                readings[sensor] = min(readings[sensor], max(free * length_m - offset_m, 0.0))
+        return readings
 
     def bury(
         self,
@@ -116,21 +122,6 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
 
 
 @numba.njit(cache=True)
-def _nearest_of_each(
-    asked: IntArray, before: IntArray, fractions: FloatArray, rays: NDArray[np.void], nothing: FloatArray
-) -> FloatArray:
-    ranges = np.empty((before.shape[0] - 1, nothing.shape[0]))
-    for i in range(ranges.shape[0]):
-        ranges[i] = nothing
-        for k in range(before[i], before[i + 1]):
-            ray = rays[asked[k]]
-            if fractions[k] < 1.0:
-                reading = max(fractions[k] * ray.length_m - ray.offset_m, 0.0)
-                ranges[i, ray.sensor] = min(ranges[i, ray.sensor], reading)
-    return ranges
-
-
-@numba.njit(cache=True)
 def _decisive(
     robots: NDArray[np.void],
     radius_m: float,
@@ -139,17 +130,16 @@ def _decisive(
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
-) -> tuple[IntArray, IntArray]:
+) -> IntArray:
     hair = HAIR_RADII * radius_m
-    found = np.empty(robots.shape[0] * rays.shape[0], np.int64)
-    before = np.empty(robots.shape[0] + 1, np.int64)
+    asked = np.empty(robots.shape[0] * (1 + rays.shape[0]) + 1, np.int64)
     least = np.empty(rays.shape[0])  # what each ray may read at least
     most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number; no more sensors than rays
     near_boxes = np.empty(boxes.shape[0], np.int64)
     near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
-    count = 0
+    count = robots.shape[0] + 1
     for index in range(robots.shape[0]):
-        before[index] = count
+        asked[index] = count
         if not robots[index].running or robots[index].clearance_m > reach_m:
             continue
         x, y, heading = robots[index].x_m, robots[index].y_m, robots[index].heading_rad
@@ -177,10 +167,10 @@ def _decisive(
             most[ray.sensor] = min(most[ray.sensor], max(last * ray.length_m - ray.offset_m, 0.0))
         for k in range(rays.shape[0]):
             if least[k] < math.inf and least[k] <= most[rays[k].sensor]:
-                found[count] = k
+                asked[count] = k
                 count += 1
-    before[-1] = count
-    return found[:count], before
+    asked[robots.shape[0]] = count
+    return asked[:count]
 
 
 @numba.njit(cache=True)

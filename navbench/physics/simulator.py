@@ -192,30 +192,38 @@ class Simulator:
         clearances_m = self.robots["clearance_m"].tolist()
         if min(clearances_m) > rays.reach_m:
             return self._nothing.copy()
-        decisive, before = rays.decisive(self.robots, scene.boxes, scene.discs, scene.polygons)
-        numbers, firsts = decisive.tolist(), before.tolist()
-        if not numbers:
+        asked = rays.decisive(self.robots, scene.boxes, scene.discs, scene.polygons)
+        count = len(clearances_m)
+        if len(asked) == count + 1:
             return self._nothing.copy()
-        fractions: list[float] = []
         if not self._posed:
             self._pose_bodies()
-        for body, first, stop in zip(self._robot_bodies, firsts, firsts[1:], strict=False):
-            if first < stop:
-                own = numbers[first:stop]
-                hits = pybullet.rayTestBatch(
-                    [rays.begins[ray] for ray in own],
-                    [rays.ends[ray] for ray in own],
-                    parentObjectUniqueId=body,
-                    physicsClientId=self._client,
-                )
-                fractions += [hit[2] for hit in hits]
-        ranges = rays.read(decisive, before, fractions)
+        readings = []
+        for body, first, stop in zip(self._robot_bodies, asked, asked[1 : count + 1], strict=False):
+            if first == stop:
+                readings.append(rays.nothing)
+                continue
+            own = asked[first:stop]
+            hits = pybullet.rayTestBatch(
+                [rays.begins[ray] for ray in own],
+                [rays.ends[ray] for ray in own],
+                parentObjectUniqueId=body,
+                physicsClientId=self._client,
+            )
+            readings.append(rays.read(own, [hit[2] for hit in hits]))
+        ranges = np.array(readings)
+        if self._ledger.any_held or min(clearances_m) <= rays.exposed_m:
+            self._bury(ranges, clearances_m)
+        return ranges
+
+    def _bury(self, ranges: FloatArray, clearances_m: list[float]) -> None:
+        """Set to 0, in place, what sensors read whose rays begin inside something, and so hit nothing."""
+        rays, scene = self._rays, self.scene
         for i, clearance_m in enumerate(clearances_m):
             if (self._ledger.touching[i] or clearance_m <= rays.exposed_m) and self.robots[i]["running"]:
                 row = self.robots[i]
                 others = np.concatenate([scene.discs, other_robots(self.robots, i, self.robot.radius_m)])
                 rays.bury(ranges[i], row["x_m"], row["y_m"], row["heading_rad"], scene.boxes, others, scene.polygons)
-        return ranges
 
     def command(self, index: int, v_mps: float, w_radps: float) -> None:
         """Set one robot's command for the coming period, see ``Drive.command``."""
