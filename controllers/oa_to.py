@@ -27,6 +27,7 @@ Kept as printed: in Table 1 F and B turn left by design, and RB and LB turn towa
 Table 2 the cell VB, PS of v_R is PB, where the mirror image of VB, NS would be NB.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -37,7 +38,7 @@ from navbench.contract import Command, Observation, Setup
 from navbench.descriptions.description import STRICT, Number, Positive, describe, remembered
 from navbench.mathematics.fuzzy import FuzzyInference
 
-from .zhao2017 import SENSOR_ROLES, avoidance, target
+from .zhao2017 import SENSOR_ROLES, commanded
 from .zhao2017_fuzzy import described, oa_flc, to_flc
 from .zhao2017_sets import OaMemberships, OaRules, ToMemberships, ToRules
 
@@ -126,6 +127,7 @@ class OaTo:
         self._output_gain = chosen.output_gain
         self._directions = tuple(getattr(special, name) for name in SpecialPhi.__dataclass_fields__)
         self.oa, self.to = _fuzzy_controllers(oa_memberships, oa_rules, to_memberships, to_rules)
+        self._tables = (tuple(self.oa.tables), tuple(self.to.tables))
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -136,38 +138,35 @@ class OaTo:
         roles = tuple(sensor.role for sensor in setup.sensors)
         if roles != SENSOR_ROLES:
             raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(SENSOR_ROLES)}")
-        self._robot, self._period_s = setup.robot, setup.period_s
-        self._angles_rad = np.array([sensor.heading_rad for sensor in setup.sensors])
-        self._limits_m = np.array([sensor.max_range_m for sensor in setup.sensors])
-        self._before_m = self._limits_m.copy()  # nothing was seen yet
+        robot = setup.robot
+        self._track_m = robot.track_m
+        self._of_robot = (setup.period_s, robot.radius_m, self._output_gain, robot.wheel_speed_max_mps)
+        self._ring = np.array([(sensor.max_range_m, sensor.heading_rad) for sensor in setup.sensors]).T.copy()
+        self._before_m = self._ring[0].copy()  # nothing was seen yet
         self._trace: dict[str, float] = {}
 
     def act(self, observation: Observation) -> Command:
         """Return what Table 3 commands: the answer of OA-FLC to the danger, or of TO-FLC to the target."""
-        pose, goal, ranges_m = observation.pose, observation.goal, observation.ranges_m
-        avoids, r, phi, situation, sensor = avoidance(
-            self._before_m, ranges_m, self._limits_m, self._angles_rad, self._period_s,
-            self._thresholds, self._directions,
+        (x, y, theta), goal = observation.pose, observation.goal
+        r, phi, sensor, avoids, situation, d, psi, left_mps, right_mps = commanded(
+            self._tables, self._before_m, observation.ranges_m, self._ring,
+            self._thresholds, self._directions, self._of_robot,
+            x, y, theta, goal[0], goal[1],
         )  # fmt: skip
-        self._before_m[:] = ranges_m
-        d, psi = target(pose.x_m, pose.y_m, pose.heading_rad, goal[0], goal[1], self._robot.radius_m)
-        shares = self.oa(r, phi) if avoids else self.to(d, psi)
-        left_mps, right_mps = map(self._wheel_speed, shares)
+        if math.isnan(left_mps):
+            self.to(d, psi)  # says what is unusable
         self._trace = {
             "R_s": min(r, R_SHOWN_MAX_S),
             "Phi_rad": phi,
-            "danger_sensor": float(sensor),
-            "active_flc": float(avoids),
-            "special_situation": float(situation),
+            "danger_sensor": sensor,
+            "active_flc": avoids,
+            "special_situation": situation,
             "D_radii": d,
             "Psi_rad": psi,
             "vL_mps": left_mps,
             "vR_mps": right_mps,
         }
-        return Command.from_wheels(left_mps, right_mps, self._robot.track_m)
-
-    def _wheel_speed(self, share: float) -> float:
-        return min(max(self._output_gain * share, -1.0), 1.0) * self._robot.wheel_speed_max_mps
+        return Command.from_wheels(left_mps, right_mps, self._track_m)
 
     @property
     def trace(self) -> dict[str, float]:

@@ -36,10 +36,13 @@ hull, and (4) picks up the robot's own turning. Of equal dangers the first senso
 """
 
 import math
+from typing import Any
 
 import numba
+import numpy as np
 
 from navbench.contract import FloatArray
+from navbench.mathematics.fuzzy import infer
 from navbench.mathematics.geometry import wrap_angle
 
 SENSOR_ROLES = (  # s_0 to s_15
@@ -181,3 +184,57 @@ def target(x: float, y: float, theta: float, x_goal: float, y_goal: float, radiu
     """Return D in robot radii and Psi [rad] in (-pi, pi], positive where the target lies to the right."""
     psi_t = math.atan2(y_goal - y, x_goal - x)
     return math.hypot(x_goal - x, y_goal - y) / radius, wrap_angle(theta - psi_t)
+
+
+@numba.njit(cache=True)
+def wheel_speed(share: float, gain: float, limit_mps: float) -> float:
+    """Return the speed of a wheel [m/s] for a fuzzy controller's answer, a share of the wheels' limit."""
+    return min(max(gain * share, -1.0), 1.0) * limit_mps
+
+
+@numba.njit(cache=True)
+def commanded(
+    tables: tuple[Any, Any],
+    before: FloatArray,
+    ranges: FloatArray,
+    ring: FloatArray,
+    thresholds: tuple[float, float, float],
+    directions: tuple[float, ...],
+    robot: tuple[float, float, float, float],
+    x: float,
+    y: float,
+    theta: float,
+    x_goal: float,
+    y_goal: float,
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return what Table 3 commands, and why, in the order of ``oa_to``'s trace; R is not bounded.
+
+    The wheels' speeds are NaN if an input of the active fuzzy controller is unusable.
+
+    Args:
+        tables: ``FuzzyInference.tables`` of OA-FLC and of TO-FLC, as plain tuples.
+        before: (16,) readings one period ago [m]; takes those of now.
+        ranges: (16,) readings now [m].
+        ring: (2, 16) what each sensor reads where it sees nothing [m], where it looks [rad].
+        thresholds: as of ``avoidance``.
+        directions: as of ``rewritten``.
+        robot: the control period [s], its radius [m], the output gain, the wheels' limit [m/s].
+        x: its x [m].
+        y: its y [m].
+        theta: its heading [rad].
+        x_goal: the target's x [m].
+        y_goal: the target's y [m].
+    """
+    (oa, to), (period_s, radius_m, gain, limit_mps) = tables, robot
+    avoids, r, phi, situation, sensor = avoidance(before, ranges, ring[0], ring[1], period_s, thresholds, directions)
+    before[:] = ranges
+    d, psi = target(x, y, theta, x_goal, y_goal, radius_m)
+    inputs, shares = np.empty(2), np.empty(2)
+    if avoids:
+        inputs[0], inputs[1] = r, phi
+        infer(oa, inputs, shares)
+    else:
+        inputs[0], inputs[1] = d, psi
+        infer(to, inputs, shares)
+    left_mps, right_mps = wheel_speed(shares[0], gain, limit_mps), wheel_speed(shares[1], gain, limit_mps)
+    return r, phi, float(sensor), 1.0 if avoids else 0.0, float(situation), d, psi, left_mps, right_mps
