@@ -107,4 +107,20 @@ class Behaviors:
     @property
     def trace(self) -> dict[str, float]:
         """The latest step: behaviour, side, distances, and the tests that the arbitration made (1 for true)."""
-        return dict(zip(TRACE, self._memory.tolist(), strict=True))
+        behavior, side, error, goal, progress, clearance, at_obstacle, unsafe, stalled, made, sliding, periods = (
+            self._memory.tolist()
+        )
+        return {
+            "behavior": behavior,
+            "side": side,
+            "heading_error_rad": error,
+            "goal_distance_m": goal,
+            "progress_distance_m": progress,
+            "front_clearance_m": clearance,
+            "at_obstacle": at_obstacle,
+            "unsafe": unsafe,
+            "stalled": stalled,
+            "progress_made": made,
+            "sliding": sliding,
+            "periods_in_behavior": periods,
+        }

@@ -83,6 +83,7 @@ class PidLaw:
         self._sum_rad = 0.0
         self._error_rad = 0.0
         self._terms_radps = (0.0, 0.0, 0.0)
+        self._turn_radps = 0.0  # before the limit
 
     def turn(self, error_rad: float, behavior: float) -> float:
         """Return the limited turning rate for the heading error of a behaviour [rad/s]."""
@@ -92,7 +93,7 @@ class PidLaw:
         total = self._sum_rad + error_rad
         self._terms_radps = pid_terms(error_rad, total, self._error_rad, self._period_s, law.kp, law.ki, law.kd)
         self._error_rad = error_rad
-        turn_radps = sum(self._terms_radps)
+        self._turn_radps = turn_radps = sum(self._terms_radps)
         if abs(turn_radps) <= law.turn_limit_radps:
             self._sum_rad = total
         return min(max(turn_radps, -law.turn_limit_radps), law.turn_limit_radps)
@@ -105,7 +106,7 @@ class PidLaw:
             "proportional_radps": proportional,
             "integral_radps": integral,
             "differential_radps": differential,
-            "turn_limited": float(abs(sum(self._terms_radps)) > self.parameters.turn_limit_radps),
+            "turn_limited": float(abs(self._turn_radps) > self.parameters.turn_limit_radps),
         }
 
 

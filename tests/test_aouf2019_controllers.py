@@ -332,6 +332,12 @@ def test_wall_following_goes_on_while_the_robot_slides() -> None:
     assert behaviors.active == FOLLOW_WALL
 
 
+def test_the_trace_has_the_names_of_the_memory_in_its_order() -> None:
+    behaviors = following((2.0, 0.0))
+    assert tuple(behaviors.trace) == aouf2019.TRACE
+    assert behaviors.trace["behavior"] == behaviors.active == FOLLOW_WALL
+
+
 def test_the_step_that_ends_wall_following_already_blends() -> None:
     behaviors, fresh = following((2.0, 0.0)), arbitration()
     release = see((0.2, 0.0, 0.6), (2.0, 0.0), WALL_ON_THE_LEFT)
