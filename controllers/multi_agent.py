@@ -43,10 +43,10 @@ import numba
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from navbench.contract import Command, Observation, Setup
+from navbench.contract import Command, FloatArray, Observation, Setup
 from navbench.descriptions.description import STRICT, Flag, Positive, describe
 
-from .nemeiksis2019_blocks import fuzzy_blocks
+from .nemeiksis2019_blocks import answer, fuzzy_blocks
 from .nemeiksis2019_switch import FRONT, LEFT, SwitchUnit, describe_modes, describe_patterns, pattern_of
 
 SENSOR_ROLES = tuple(f"s{i}" for i in range(1, 11))
@@ -84,6 +84,42 @@ def wheel_speeds(mu: float, v_avg: float, k: float, track: float) -> tuple[float
     """Return V_L and V_R that turn the robot at k times mu, positive to the left, at an average speed."""
     half = 0.5 * k * mu * track
     return v_avg - half, v_avg + half
+
+
+@numba.njit(cache=True)
+def steered(
+    tables: tuple[Any, ...],
+    ranges: FloatArray,
+    reads_rear: bool,
+    side: float,
+    agent: int,
+    bearing: float,
+    d_destination: float,
+    v_max: float,
+) -> tuple[float, float, float, float, float]:
+    """Return mu_1, mu_2, mu_3, the active agent's mu [rad] and V_avg [m/s], NaN where an input is.
+
+    Args:
+        tables: ``FuzzyBlocks.tables``.
+        ranges: (10,) d_s1 to d_s10 [m].
+        reads_rear: whether 1FB takes the rear's readings, see ``Drive``.
+        side: of the wall that 2FB tracks, ``LEFT`` or ``RIGHT``.
+        agent: the active one.
+        bearing: -theta [rad].
+        d_destination: distance to the destination [m].
+        v_max: V_max [m/s].
+    """
+    bypass, track_left, track_right, approach, speed = tables
+    d_s1, d_s2, d_s3, d_s4, d_s5 = ranges[0], ranges[1], ranges[2], ranges[3], ranges[4]
+    d_s6, d_s7, d_s8, d_s9, d_s10 = ranges[5], ranges[6], ranges[7], ranges[8], ranges[9]
+    mu_1 = answer(bypass, (d_s9, d_s7, d_s8) if reads_rear else (d_s4, d_s2, d_s3))
+    if side == LEFT:
+        mu_2 = answer(track_left, (d_s10, d_s1))
+    else:
+        mu_2 = answer(track_right, (d_s6, d_s5))
+    mu_3 = answer(approach, (bearing,))
+    mu = (mu_3, mu_1, mu_2)[agent]
+    return mu_1, mu_2, mu_3, mu, answer(speed, (mu, d_destination)) * v_max
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -146,7 +182,7 @@ class MultiAgent:
             raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(SENSOR_ROLES)}")
         self._track_m, self._v_max_mps = setup.robot.track_m, setup.robot.wheel_speed_max_mps
         self.switch.reset()
-        self._values = (0.0,) * len(TRACE)
+        self._trace = dict.fromkeys(TRACE, 0.0)
 
     def act(self, observation: Observation) -> Command:
         """Return the wheel speeds for the active agent's turning angle and the speed agent's average speed."""
@@ -158,19 +194,28 @@ class MultiAgent:
         side = self.switch.side(pattern, ranges_m)
         agent = self.switch.choose(pattern, side, bearing)
 
-        d_s1, d_s2, d_s3, d_s4, d_s5, d_s6, d_s7, d_s8, d_s9, d_s10 = ranges_m
-        if self._drive.bypass_reads_rear and not pattern & self._front:
-            d_s2, d_s3, d_s4 = d_s7, d_s8, d_s9
-        (mu_1,) = self.blocks.bypass(d_s4, d_s2, d_s3)
-        (mu_2,) = self.blocks.track_left(d_s10, d_s1) if side == LEFT else self.blocks.track_right(d_s6, d_s5)
-        (mu_3,) = self.blocks.approach(bearing)
-        mu = (mu_3, mu_1, mu_2)[agent]
-        (share,) = self.blocks.speed(mu, d_destination)
-        v_avg = share * self._v_max_mps
-        self._values = (
-            *(float(agent), float(pattern), side, mu_1, mu_2, mu_3, mu, v_avg, bearing, d_destination),
-            *(d_s1, d_s10, d_s5, d_s6),
+        reads_rear = self._drive.bypass_reads_rear and not pattern & self._front
+        mu_1, mu_2, mu_3, mu, v_avg = steered(
+            self.blocks.tables, observation.ranges_m, reads_rear, side, agent, bearing, d_destination, self._v_max_mps
         )
+        if math.isnan(mu_1 + mu_2 + mu_3 + v_avg):
+            raise ValueError("a reading, the pose or the goal is NaN, which has no membership")
+        self._trace = {
+            "agent": float(agent),
+            "pattern": float(pattern),
+            "side": side,
+            "mu_1_rad": mu_1,
+            "mu_2_rad": mu_2,
+            "mu_3_rad": mu_3,
+            "mu_rad": mu,
+            "v_avg_mps": v_avg,
+            "heading_error_rad": bearing,
+            "d_destination_m": d_destination,
+            "d_s1_m": ranges_m[0],
+            "d_s10_m": ranges_m[9],
+            "d_s5_m": ranges_m[4],
+            "d_s6_m": ranges_m[5],
+        }
         return Command.from_wheels(*wheel_speeds(mu, v_avg, self._drive.turn_gain_per_s, self._track_m), self._track_m)
 
     @property
@@ -180,7 +225,7 @@ class MultiAgent:
         ``pattern`` has bit k set where the sensor of Table 1's column k sees something. ``side`` is where the wall is
         that the wall agent tracks or would track, 1 left and -1 right.
         """
-        return dict(zip(TRACE, self._values, strict=True))
+        return self._trace
 
     def describe(self) -> dict[str, dict[str, list[Any]]]:
         """Return named tables for a report: those of the blocks, the switch unit's 1024 patterns and its 28 rows."""

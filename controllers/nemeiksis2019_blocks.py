@@ -13,10 +13,12 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numba
+import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.descriptions.description import STRICT, Number, Positive, describe, remembered
-from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, memberships, rules_from_table
+from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
 
 DISTANCES = ("C", "MD", "MF", "F")
 TURNS = ("BSR", "MSR", "SSR", "Z", "SSL", "MSL", "BSL")
@@ -79,6 +81,22 @@ TABLE_5: Table = {  # 4FB: mu down, d_destination (C, MD, MF, F) across
 }
 
 
+@numba.njit(cache=True)
+def answer(block: Any, inputs: tuple[float, ...]) -> float:
+    """Return what a block answers to its inputs, NaN if one is.
+
+    Args:
+        block: one of ``FuzzyBlocks.tables``.
+        inputs: in the order of the block's variables.
+    """
+    values, out = np.empty(len(inputs)), np.empty(1)
+    for i in range(len(inputs)):
+        values[i] = inputs[i]
+    infer(block, values, out)
+    crisp: float = out[0]
+    return crisp
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class Peaks:
     """Where each fuzzy set has its peak, from the lowest to the highest; a set's feet are its neighbours' peaks.
@@ -136,6 +154,7 @@ class FuzzyBlocks:
         track_right: 2FB of a wall on the right, from d_s6 and d_s5 [m] to mu_2 [rad].
         approach: 3FB, from the destination's bearing [rad] to mu_3 [rad].
         speed: 4FB, from mu [rad] and d_destination [m] to the average speed as a share of V_max.
+        tables: ``FuzzyInference.tables`` of the five, in this order, as plain tuples.
     """
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
@@ -157,9 +176,10 @@ class FuzzyBlocks:
         self.approach = _block(TABLE_4, {"bearing": bearing}, {"mu_3": turn})
         distance, speed = _distance(peaks.destination_distance_m), _whole_triangles(peaks.speed_share)
         self.speed = _block(TABLE_5, {"mu": turn, "d_destination": distance}, {"V_avg": speed})
+        self.tables = tuple(tuple(block.tables) for block in self.by_name().values())
 
     def by_name(self) -> dict[str, FuzzyInference]:
-        """Return the blocks by what the paper calls them."""
+        """Return the blocks by what the paper calls them, in the order of the class's docstring."""
         return {
             "1FB": self.bypass,
             "2FB, left": self.track_left,
