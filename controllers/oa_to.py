@@ -154,7 +154,7 @@ class OaTo:
             x, y, theta, goal[0], goal[1],
         )  # fmt: skip
         if math.isnan(left_mps):
-            self.to(d, psi)  # says what is unusable
+            raise ValueError("the pose or the goal is NaN, which has no membership")
         self._trace = {
             "R_s": min(r, R_SHOWN_MAX_S),
             "Phi_rad": phi,

@@ -236,5 +236,8 @@ def commanded(
     else:
         inputs[0], inputs[1] = d, psi
         infer(to, inputs, shares)
-    left_mps, right_mps = wheel_speed(shares[0], gain, limit_mps), wheel_speed(shares[1], gain, limit_mps)
+    if math.isnan(shares[0]):
+        left_mps, right_mps = math.nan, math.nan  # min and max would make numbers of it
+    else:
+        left_mps, right_mps = wheel_speed(shares[0], gain, limit_mps), wheel_speed(shares[1], gain, limit_mps)
     return r, phi, float(sensor), 1.0 if avoids else 0.0, float(situation), d, psi, left_mps, right_mps

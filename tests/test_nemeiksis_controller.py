@@ -550,3 +550,9 @@ def test_a_wrong_parameter_is_named(group: str | None, key: str, value: Any) -> 
     named = {"turn_limit_rad": "turn_rad", "bearing_limit_rad": "destination_bearing_rad"}.get(key, key)
     with pytest.raises(ValueError, match=named):
         MultiAgent(**parameters)
+
+
+@pytest.mark.parametrize("look", [see({3: math.nan}), see({2: math.nan}), see(goal=(math.nan, 0.0))])
+def test_what_is_no_number_is_refused(look: Observation) -> None:
+    with pytest.raises(ValueError, match="is NaN, which has no membership"):
+        make().act(look)

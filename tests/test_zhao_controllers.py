@@ -771,3 +771,8 @@ def test_a_chromosome_that_cannot_be_mended_is_refused() -> None:
         Repair()({"oa_memberships.R_s.S.l": 0.0})
     with pytest.raises(ValueError, match=r"oa_memberships\.R_s\.S\.r: missing"):
         Repair()({"oa_memberships.R_s.S.c": 0.0})
+
+
+def test_a_goal_that_is_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="the pose or the goal is NaN, which has no membership"):
+        make().act(see(goal=(math.nan, 0.0)))
