@@ -21,10 +21,11 @@ format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# pybullet has wheels for CPython 3.10 and 3.11 only, and the locked packages need 3.11.
+# pybullet has wheels for CPython 3.10 and 3.11 only, and the locked packages need 3.11. The system's own comes first:
+# distributions build theirs with profile-guided optimization, in which episodes take a tenth less time.
 $(STAMP): pyproject.toml constraints.txt
-	@python=; for candidate in python3.11 python3 python; do \
-	  if $$candidate -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$$candidate; break; fi; \
+	@python=; for candidate in /usr/bin/python3.11 python3.11 python3 python; do \
+	  if $$candidate -c 'import ensurepip, sys, venv; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$$candidate; break; fi; \
 	done; \
 	if [ -n "$$python" ]; then $$python -m venv --clear $(VENV); \
 	elif command -v uv >/dev/null; then uv venv --clear --seed --python 3.11 $(VENV); \
