@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import a_ring, a_robot, a_runner
-from test_simulator import Block, Round, Shard
+from shapes import Block, Round, Shard
 
 from navbench.contract import Command, Observation, Setup
 from navbench.descriptions.description import DescriptionError, describe

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import a_world, to_and_fro
-from test_simulator import Shard
+from shapes import Shard
 
 from navbench.descriptions.description import REMEMBERED_MAX, DescriptionError, describe, remembered
 from navbench.descriptions.obstacles import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
