@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from navbench.descriptions.description import DescriptionError
 from navbench.door.configuration import compose_cell
 from navbench.experiments.cells import EPISODES, Batch
 from navbench.experiments.engines import Work, in_processes, run
@@ -65,7 +66,7 @@ def test_in_processes_does_as_map(workers: int) -> None:
 
 
 def test_in_processes_says_of_what_a_process_died() -> None:
-    with pytest.raises(RuntimeError, match=f"the process died that had to do with {KILLER}"):
+    with pytest.raises(DescriptionError, match=f"a process died of its work on {KILLER}"):
         in_processes(_half, [1, KILLER], workers=2)
 
 

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from navbench.descriptions.description import DescriptionError
+
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
 
@@ -72,12 +74,12 @@ def in_processes(
         workers: processes, as in ``run``.
 
     Raises:
-        RuntimeError: a process died of an item.
+        DescriptionError: a process died of an item.
         Exception: whatever it raises.
     """
 
     def lost(item: Batch) -> Result:
-        raise RuntimeError(f"the process died that had to do with {item}")
+        raise DescriptionError(f"a process died of its work on {str(item)[:100]}")
 
     work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0])
     done = dict(run(work, items, engine, workers))

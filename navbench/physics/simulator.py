@@ -120,7 +120,7 @@ class Simulator:
         if self.options.gui:
             self._look_from_above(world.bounds)
         self._names = {}
-        # a sphere's: without one PyBullet makes one of triangles for each, which takes longer than the body itself
+        # for spheres, of which PyBullet would make visual shapes of triangles, which takes longer than the bodies
         self._unseen = pybullet.createVisualShape(
             pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 1.0], physicsClientId=self._client
         )
