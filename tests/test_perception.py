@@ -111,6 +111,13 @@ def test_range_noise_is_gaussian() -> None:
         assert float((np.abs(errors) < width).mean()) == pytest.approx(share, abs=spread)
 
 
+def test_where_nothing_is_seen_there_is_nothing_to_err_about() -> None:
+    perception = a_perception(a_ring(200, 1.0, 8.0, noise_std_m=1.0))
+    readings = observe(perception, np.array([8.0, 6.0] * 100)).ranges_m
+    assert set(readings[::2].tolist()) == {8.0}
+    assert (readings[1::2] != 6.0).all()
+
+
 def test_drop_out_happens_as_often_as_stated_and_reads_as_nothing_seen() -> None:
     perception = a_perception(a_ring(200, 1.0, 8.0, dropout_probability=0.07))
     readings = np.array([observe(perception, np.full(200, 3.0)).ranges_m for _ in range(200)])
