@@ -15,16 +15,16 @@ from collections.abc import Callable
 import numpy as np
 import pybullet
 
+from navbench.cli.configuration import compose_cell
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.obstacles import Bounds, Disc, Point
-from navbench.descriptions.robot import Robot
-from navbench.descriptions.sensors import Mount, Sensors
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Start, World
-from navbench.door.configuration import compose_cell
-from navbench.loop.episode import EpisodeRunner
-from navbench.loop.similarity import Native
-from navbench.loop.starts import Jitter
+from navbench.episode.loop import EpisodeRunner
+from navbench.episode.similarity import Native
+from navbench.episode.starts import Jitter
+from navbench.robot import Robot
+from navbench.sensors import Mount, Sensors
+from navbench.simulation.options import SimulatorOptions
+from navbench.world.shapes import Bounds, Disc, Point
+from navbench.world.world import Start, World
 
 ROUNDS = 7
 SECONDS = 0.7  # of CPU time a measurement

@@ -1,6 +1,6 @@
 """What decomposing a rule base saves in time: the controllers of nemeiksis2019 and lei2014 beside one flat rule base.
 
-All sides are ``navbench.mathematics.fuzzy`` over the same random inputs, and are timed in turn; the median of the
+All sides are ``navbench.fuzzy.inference`` over the same random inputs, and are timed in turn; the median of the
 ratios is printed. A flat rule base has a rule for each combination of its inputs' sets, whose conclusions are dealt out
 in turn: the time hangs on how many rules there are and not on what they say.
 
@@ -26,8 +26,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from navbench.door.configuration import compose_cell
-from navbench.mathematics.fuzzy import FuzzyInference, Variable, infer
+from navbench.cli.configuration import compose_cell
+from navbench.fuzzy.inference import FuzzyInference, Variable, infer
 
 Call = Callable[[Mapping[str, float]], object]
 ROUNDS = 5

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from navbench.mathematics.fuzzy import FuzzyInference, Variable
+from navbench.fuzzy.inference import FuzzyInference, Variable
 
 SIZES = {
     "1 input, 11 rules": (11,),

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Observation, Setup
-from navbench.descriptions.description import STRICT, NonNegative, Positive, Probability, describe
+from navbench.validation import STRICT, NonNegative, Positive, Probability, describe
 
 from .aouf2019 import BEHAVIOR, PROGRESS_DISTANCE, SENSOR_ROLES, THRESHOLDS, TRACE, step
 

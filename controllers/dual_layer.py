@@ -28,8 +28,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import STRICT, Flag, Positive, describe, remembered
-from navbench.mathematics.fuzzy import FuzzyInference, memberships
+from navbench.fuzzy.inference import FuzzyInference, memberships
+from navbench.validation import STRICT, Flag, Positive, describe, remembered
 
 from .lei2014 import azimuth, danger_controller, directional_danger
 from .lei2014_hits import Hits

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import STRICT, Positive, describe
 from navbench.mathematics.geometry import wrap_angle
+from navbench.validation import STRICT, Positive, describe
 
 
 @numba.njit(cache=True)

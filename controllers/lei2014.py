@@ -44,7 +44,7 @@ import numba
 import numpy as np
 
 from navbench.contract import FloatArray
-from navbench.mathematics.fuzzy import FuzzyInference, Variable, infer, rules_from_table
+from navbench.fuzzy.inference import FuzzyInference, Variable, infer, rules_from_table
 from navbench.mathematics.geometry import wrap_angle
 
 TIME_FACTORS = ("TS", "TM", "TB")

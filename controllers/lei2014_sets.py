@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, Number, Positive
-from navbench.mathematics.fuzzy import FuzzyInference, Variable
+from navbench.fuzzy.inference import FuzzyInference, Variable
+from navbench.validation import STRICT, Number, Positive
 
 from .lei2014 import DANGERS, DISTANCE_FACTORS, TIME_FACTORS, between_ends
 from .lei2014_rules import AZIMUTHS, SPEEDS, TURNS, Rule

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import describe
+from navbench.validation import describe
 
 from .aouf2019 import FOLLOW_WALL, GO_TO_GOAL, SENSOR_ROLES
 from .aouf2019_behaviors import Behaviors

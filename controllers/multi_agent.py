@@ -44,7 +44,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, FloatArray, Observation, Setup
-from navbench.descriptions.description import STRICT, Flag, Positive, describe
+from navbench.validation import STRICT, Flag, Positive, describe
 
 from .nemeiksis2019_blocks import answer, fuzzy_blocks
 from .nemeiksis2019_switch import FRONT, LEFT, SwitchUnit, describe_modes, describe_patterns, pattern_of

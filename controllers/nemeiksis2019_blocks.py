@@ -17,8 +17,8 @@ import numba
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, Number, Positive, describe, remembered
-from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
+from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
+from navbench.validation import STRICT, Number, Positive, describe, remembered
 
 DISTANCES = ("C", "MD", "MF", "F")
 TURNS = ("BSR", "MSR", "SSR", "Z", "SSL", "MSL", "BSL")

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, NonNegative, Positive, describe
+from navbench.validation import STRICT, NonNegative, Positive, describe
 
 DESTINATION, OBSTACLE, WALL = 0, 1, 2  # values of the trace's "agent"
 AGENTS = {"destination": DESTINATION, "obstacle": OBSTACLE, "wall": WALL}

@@ -35,8 +35,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import STRICT, Number, Positive, describe, remembered
-from navbench.mathematics.fuzzy import FuzzyInference
+from navbench.fuzzy.inference import FuzzyInference
+from navbench.validation import STRICT, Number, Positive, describe, remembered
 
 from .zhao2017 import SENSOR_ROLES, commanded
 from .zhao2017_fuzzy import described, oa_flc, to_flc

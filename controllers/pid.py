@@ -31,8 +31,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import STRICT, NonNegative, Positive, describe
 from navbench.mathematics.geometry import wrap_angle
+from navbench.validation import STRICT, NonNegative, Positive, describe
 
 from .aouf2019 import SENSOR_ROLES
 from .aouf2019_behaviors import Behaviors

@@ -29,8 +29,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import STRICT, Number, describe, remembered
-from navbench.mathematics.fuzzy import FuzzyInference, Variable, memberships
+from navbench.fuzzy.inference import FuzzyInference, Variable, memberships
+from navbench.validation import STRICT, Number, describe, remembered
 
 from .aouf2019 import SENSOR_ROLES
 from .aouf2019_behaviors import Behaviors

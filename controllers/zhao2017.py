@@ -42,7 +42,7 @@ import numba
 import numpy as np
 
 from navbench.contract import FloatArray
-from navbench.mathematics.fuzzy import infer
+from navbench.fuzzy.inference import infer
 from navbench.mathematics.geometry import wrap_angle
 
 SENSOR_ROLES = (  # s_0 to s_15

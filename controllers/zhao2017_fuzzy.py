@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from navbench.mathematics.fuzzy import FuzzyInference, Term, Variable, memberships
+from navbench.fuzzy.inference import FuzzyInference, Term, Variable, memberships
 
 from .zhao2017_sets import (
     UNIVERSES,

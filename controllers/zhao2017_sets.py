@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from pydantic.dataclasses import dataclass
 
-from navbench.descriptions.description import STRICT, Number
+from navbench.validation import STRICT, Number
 
 Speed = Literal["NB", "NS", "Z", "PS", "PB"]
 Table = Mapping[str, Mapping[str, Speed]]

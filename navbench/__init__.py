@@ -20,6 +20,6 @@ def run(*overrides: str, path: str | Path | None = None, config_dir: str | None 
     Raises:
         ValueError: an unknown choice or key, a wrong value, or parts that do not fit together.
     """
-    from navbench.door.interface import run_to_table
+    from navbench.cli.interface import run_to_table
 
     return run_to_table(overrides, path, config_dir)

@@ -1,7 +1,7 @@
 """What a controller is given and what it returns: the contract between a method and the framework.
 
 x is forward, y is left, angles are counter-clockwise in (-pi, pi]. Lengths are metres and times seconds of the
-controller's own paper: where the episode's robot is another one, the loop converts (see ``navbench.loop.similarity``).
+controller's own paper: where the episode's robot is another one, the loop converts (``navbench.episode.similarity``).
 """
 
 from collections.abc import Mapping

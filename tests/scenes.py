@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup
-from navbench.descriptions.obstacles import Bounds, Mover, Point
-from navbench.descriptions.record import RobotRecord
-from navbench.descriptions.robot import Robot
-from navbench.descriptions.sensors import Mount, Sensors
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Start, World
-from navbench.loop.episode import EpisodeRunner
-from navbench.loop.similarity import Native
-from navbench.loop.starts import Jitter
-from navbench.physics.contacts import Event
-from navbench.physics.scene import Scene
-from navbench.physics.simulator import Simulator
+from navbench.episode.loop import EpisodeRunner
+from navbench.episode.similarity import Native
+from navbench.episode.starts import Jitter
+from navbench.records import RobotRecord
+from navbench.robot import Robot
+from navbench.sensors import Mount, Sensors
+from navbench.simulation.bullet import Simulator
+from navbench.simulation.contacts import Event
+from navbench.simulation.options import SimulatorOptions
+from navbench.simulation.scene import Scene
+from navbench.world.shapes import Bounds, Mover, Point
+from navbench.world.world import Start, World
 
 FloatArray = NDArray[np.float64]
 Act = Callable[[Observation], Any]

@@ -8,10 +8,10 @@ import numpy as np
 from scenes import a_world, to_and_fro
 
 from navbench.contract import Pose
-from navbench.descriptions.layouts import convex_corners
-from navbench.descriptions.obstacles import Box, Disc, Point, Polygon, Wall
-from navbench.descriptions.sensors import Sensors
-from navbench.descriptions.world import Start, World
+from navbench.sensors import Sensors
+from navbench.world.layouts import convex_corners
+from navbench.world.shapes import Box, Disc, Point, Polygon, Wall
+from navbench.world.world import Start, World
 
 RAY_TOLERANCE_RADII = 2.5e-4  # PyBullet's 0.001 units, where a robot's radius is at least 4 units
 

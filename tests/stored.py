@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.descriptions.record import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
-from navbench.reading.stored import Reading
+from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
 
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]

@@ -11,6 +11,7 @@ import pytest
 from omegaconf import OmegaConf
 
 import navbench.conf
+from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
 from navbench.controllers import aouf2019
 from navbench.controllers.aouf2019 import FOLLOW_WALL, GO_TO_GOAL, LEFT, NO_SIDE, RIGHT, SENSOR_ROLES
@@ -19,7 +20,6 @@ from navbench.controllers.go_to_goal import GoToGoal
 from navbench.controllers.mixed import Mixed
 from navbench.controllers.pid import Pid
 from navbench.controllers.sflc import RULES, Sflc
-from navbench.door.configuration import compose_cell
 
 CONF = Path(navbench.conf.__file__).parent
 KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal, "mixed": Mixed}

@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 import yaml
 
-from navbench.descriptions.description import DescriptionError, describe
-from navbench.reading.claims import COLUMNS, Claim, Measured, Tolerance, judge, verdict
-from navbench.reading.measures import check_measure
-from navbench.reading.sections import check_section
+from navbench.analysis.claims import COLUMNS, Claim, Measured, Tolerance, judge, verdict
+from navbench.analysis.measures import check_measure
+from navbench.report.sections import check_section
+from navbench.validation import DescriptionError, describe
 
 STUDY = yaml.safe_load((Path(__file__).parents[1] / "conf/study/aouf2019.yaml").read_text())
 PID_SPEED_MPS = 0.15

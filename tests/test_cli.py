@@ -13,9 +13,9 @@ import pytest
 from commands import NAVBENCH, Command, Done, in_a_process
 
 import navbench
-from navbench.descriptions.description import DescriptionError
-from navbench.door import cli
-from navbench.door.catalogue import CONF, files_of
+from navbench.cli import main as cli
+from navbench.cli.catalogue import CONF, files_of
+from navbench.validation import DescriptionError
 
 GO = ("controller=go_to_goal", "world=empty")
 

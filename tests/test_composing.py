@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from navbench.door.catalogue import GROUPS, files_of
-from navbench.door.composing import Composed, Composer, composing, plain
-from navbench.door.configuration import cell_of
-from navbench.door.parts import UnusualError
+from navbench.cli.catalogue import GROUPS, files_of
+from navbench.cli.composing import Composed, Composer, composing, plain
+from navbench.cli.configuration import cell_of
+from navbench.cli.parts import UnusualError
 
 CONF = Path(__file__).parents[1] / "conf"
 ALIKE = [

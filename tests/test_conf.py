@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
+from navbench.cli.catalogue import GROUPS, files_of
+from navbench.cli.composing import composing
+from navbench.cli.configuration import cell_of, latest_sources
 from navbench.contract import Observation, Pose
-from navbench.descriptions.record import RobotRecord
-from navbench.door.catalogue import GROUPS, files_of
-from navbench.door.composing import composing
-from navbench.door.configuration import cell_of, latest_sources
+from navbench.episode.similarity import native_setup
 from navbench.experiments.cells import Cell
-from navbench.loop.similarity import native_setup
+from navbench.records import RobotRecord
 
 CONF = Path(__file__).parents[1] / "conf"
 DESCRIBED = (*GROUPS, "tuner", "objective")

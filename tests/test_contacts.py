@@ -8,13 +8,13 @@ import pytest
 from scenes import BLOCK, IDEAL, Scripted, a_robot, a_world, always, run, run_one, schedule, to_and_fro
 
 from navbench.contract import Command, Observation
-from navbench.descriptions.obstacles import Disc, Point, Polygon, Wall
-from navbench.descriptions.record import RobotRecord
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import FinishLine, Start, World
-from navbench.physics.contacts import ContactLedger, Contacts
-from navbench.physics.motion import ROBOT
-from navbench.physics.scene import Scene, prism
+from navbench.records import RobotRecord
+from navbench.simulation.contacts import ContactLedger, Contacts
+from navbench.simulation.motion import ROBOT
+from navbench.simulation.options import SimulatorOptions
+from navbench.simulation.scene import Scene, prism
+from navbench.world.shapes import Disc, Point, Polygon, Wall
+from navbench.world.world import FinishLine, Start, World
 
 SQUARE = tuple(Point(x_m=x, y_m=y) for x, y in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)))
 WALL = Wall(x1_m=5.1, y1_m=-50.0, x2_m=5.1, y2_m=50.0, thickness_m=0.1)

@@ -8,15 +8,15 @@ import pandas as pd
 import pytest
 from stored import a_cell, a_record, store
 
-from navbench.descriptions.record import RobotRecord
+from navbench.analysis.claims import Measured
+from navbench.analysis.measures import measure
+from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
-from navbench.reading import described
-from navbench.reading.claims import Measured
-from navbench.reading.described import counts, surface_2d
-from navbench.reading.measures import measure
-from navbench.reading.robustness import robustness
-from navbench.reading.run_figures import spells_on_the_way
-from navbench.reading.stored import Reading
+from navbench.records import RobotRecord
+from navbench.report import described
+from navbench.report.described import counts, surface_2d
+from navbench.report.robustness import robustness
+from navbench.report.run_figures import spells_on_the_way
 
 TABLES: dict[str, dict[str, Any]] = {
     "it-surface": {

@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 from stored import a_cell, a_record, store
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import RobotRecord
-from navbench.reading.description_measures import (
+from navbench.analysis.description_measures import (
     described_is_less,
     described_ratio,
     described_total,
     described_value,
     share_falling,
 )
-from navbench.reading.measures import share_greater, share_of_worlds_safer
-from navbench.reading.stored import Reading
-from navbench.reading.way_measures import share_longer_in, share_mainly, share_of_time, time_at_least
+from navbench.analysis.measures import share_greater, share_of_worlds_safer
+from navbench.analysis.path_measures import share_longer_in, share_mainly, share_of_time, time_at_least
+from navbench.analysis.stored import Reading
+from navbench.records import RobotRecord
+from navbench.validation import DescriptionError
 
 TABLES: dict[str, Any] = {
     "it-sizes": {"part": ["one", "two", "two"], "kind": ["a", "a", "b"], "rules": [4, 10, 20]},

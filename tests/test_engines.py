@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from navbench.descriptions.description import DescriptionError
-from navbench.door.configuration import compose_cell
+from navbench.cli.configuration import compose_cell
 from navbench.experiments.cells import EPISODES, Batch
 from navbench.experiments.engines import Work, in_processes, run
+from navbench.validation import DescriptionError
 
 KILLER = 13
 

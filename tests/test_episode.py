@@ -26,16 +26,16 @@ from scenes import (
 )
 
 from navbench.contract import Command, Controller, Observation, Setup
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.obstacles import Box, Disc, Point, Wall
-from navbench.descriptions.robot import Robot
-from navbench.descriptions.sensors import Odometry, Tracker
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import FinishLine, Start, World
-from navbench.loop.similarity import Native
-from navbench.loop.starts import Jitter
+from navbench.episode.similarity import Native
+from navbench.episode.starts import Jitter
 from navbench.mathematics.kinematics import advance_arc, closest_approach
 from navbench.mathematics.streams import stream
+from navbench.robot import Robot
+from navbench.sensors import Odometry, Tracker
+from navbench.simulation.options import SimulatorOptions
+from navbench.validation import DescriptionError
+from navbench.world.shapes import Box, Disc, Point, Wall
+from navbench.world.world import FinishLine, Start, World
 
 WALL = Wall(x1_m=5.1, y1_m=-50.0, x2_m=5.1, y2_m=50.0, thickness_m=0.1)  # its face stands at 5.05
 

@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from stored import a_cell, a_record, store
 
-from navbench.reading import run_figures, study_figures
-from navbench.reading.run_figures import chatter, spells_on_the_way, time_series
-from navbench.reading.stored import Reading
-from navbench.reading.study_figures import memberships
-from navbench.reading.ways import cut, number_places
+from navbench.analysis.paths import cut, number_places
+from navbench.analysis.stored import Reading
+from navbench.report import run_figures, study_figures
+from navbench.report.run_figures import chatter, spells_on_the_way, time_series
+from navbench.report.study_figures import memberships
 
 HERE = {"label": "A"}
 CORNERS = [

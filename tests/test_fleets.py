@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from stored import CROSSING, LIMIT_S, ROBOT, WORLD, Fleet, a_cell, a_drive, a_record, store
 
-from navbench.descriptions.description import DescriptionError
-from navbench.reading.claims import Measured
-from navbench.reading.evolution import evolution, gains
-from navbench.reading.figures import MOVER as MOVER_COLOUR
-from navbench.reading.fleet_figures import _spans, fleet_table, frames, wheel_velocities
-from navbench.reading.fleets import fleets
-from navbench.reading.measures import measure
-from navbench.reading.stored import Reading
-from navbench.reading.tables import summarize, to_markdown, to_text
+from navbench.analysis.claims import Measured
+from navbench.analysis.fleets import fleets
+from navbench.analysis.measures import measure
+from navbench.analysis.stored import Reading
+from navbench.report.evolution import evolution, gains
+from navbench.report.figures import MOVER as MOVER_COLOUR
+from navbench.report.fleet_figures import _spans, fleet_table, frames, wheel_velocities
+from navbench.report.tables import summarize, to_markdown, to_text
+from navbench.validation import DescriptionError
 
 A, B = {"label": "A"}, {"label": "B"}
 
@@ -35,7 +35,7 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
         return f"![{caption}](figures/{stem}.png)"
 
     for module in ("fleet_figures", "evolution"):
-        monkeypatch.setattr(f"navbench.reading.{module}.save_figure", keep)
+        monkeypatch.setattr(f"navbench.report.{module}.save_figure", keep)
     return figures
 
 

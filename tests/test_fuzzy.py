@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import navbench
-from navbench.mathematics.fuzzy import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
+from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
 
 NAMES = ["NL", "NM", "N", "NS", "ZN", "Z", "ZP", "PS", "P", "PM", "PL"]
 PHI_PEAKS_RAD = [-0.7854, -0.6283, -0.4712, -0.3142, -0.1571, 0.0, 0.1571, 0.3142, 0.4712, 0.6283, 0.7854]

@@ -12,11 +12,11 @@ import yaml
 from scipy.stats import chisquare, kstest
 
 from navbench.contract import FloatArray
-from navbench.tuners.ga import Ga
-from navbench.tuners.genetics import double_point_crossover, expected_copies, mutated, sus
-from navbench.tuners.search import Tuner, tune
-from navbench.tuners.space import Choice, Dimension, Side, space_of
-from navbench.tuners.swarms import Pso, Random
+from navbench.tuning.ga import Ga
+from navbench.tuning.genetics import double_point_crossover, expected_copies, mutated, sus
+from navbench.tuning.search import Tuner, tune
+from navbench.tuning.space import Choice, Dimension, Side, space_of
+from navbench.tuning.swarms import Pso, Random
 
 FILE = Path(__file__).parents[1] / "conf" / "tuner" / "ga.yaml"
 VALUES = {key: value for key, value in yaml.safe_load(FILE.read_text())["build"].items() if key != "_target_"}

@@ -13,11 +13,11 @@ import pytest
 from stored import a_cell, a_record, store
 from test_reports import CLAIM, STUDY
 
-from navbench.descriptions.description import DescriptionError
-from navbench.reading.crossing import crossed_tables, success_map
-from navbench.reading.joined import read_claims, read_study, write_joined
-from navbench.reading.reports import write_report
-from navbench.reading.stored import Reading
+from navbench.analysis.stored import Reading
+from navbench.report.crossing import crossed_tables, success_map
+from navbench.report.joined import read_claims, read_study, write_joined
+from navbench.report.reports import write_report
+from navbench.validation import DescriptionError
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GROUPS = {"one paper": ["plain"], "another": ["other"]}
@@ -109,7 +109,7 @@ def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined:
         "import sys\n"
         "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
         "from pathlib import Path\n"
-        "from navbench.reading.joined import write_joined\n"
+        "from navbench.report.joined import write_joined\n"
         "write_joined(Path(sys.argv[1]))\n"
     )
     environment = {**os.environ, "PYTHONHASHSEED": "12345"}

@@ -11,14 +11,14 @@ import pytest
 from scenes import a_ring, a_robot, a_runner
 from shapes import Block, Round, Shard
 
+from navbench.cli import main as cli
+from navbench.cli.configuration import compose_cell
 from navbench.contract import Command, Observation, Setup
-from navbench.descriptions.description import DescriptionError, describe
-from navbench.descriptions.layouts import Swap, convex_corners
-from navbench.descriptions.obstacles import Bounds, Mover, Polygon, check_convex
-from navbench.descriptions.sensors import Tracker
-from navbench.descriptions.world import World
-from navbench.door import cli
-from navbench.door.configuration import compose_cell
+from navbench.sensors import Tracker
+from navbench.validation import DescriptionError, describe
+from navbench.world.layouts import Swap, convex_corners
+from navbench.world.shapes import Bounds, Mover, Polygon, check_convex
+from navbench.world.world import World
 
 ROUND = {"count": [2, 5], "radius_m": [1.0, 2.5]}
 EDGED = {**ROUND, "corners": [3, 6]}

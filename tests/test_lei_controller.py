@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Observation, Pose, RangeSensor, Setup
 from navbench.controllers import lei2014
 from navbench.controllers.dual_layer import TRACE, DualLayer
@@ -23,7 +24,6 @@ from navbench.controllers.lei2014_rules import (
     starts_fo,
     starts_mg,
 )
-from navbench.door.configuration import compose_cell
 
 PERIOD_S, RADIUS_M, SAFETY_M, SPEED_MPS, TURN_RADPS = 2.0, 0.25, 0.3, 0.1, 0.6
 FAR_M = 4.0

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navbench.descriptions.record import RobotRecord
-from navbench.door.configuration import compose_cell
+from navbench.cli.configuration import compose_cell
+from navbench.records import RobotRecord
 
 DANGER = 0.25  # from here on an obstacle is more than small danger
 PERIOD_S = 2.0

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from stored import LIMIT_S, TRACE, a_cell, a_record, store
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import RobotRecord
-from navbench.reading.claims import Measured
-from navbench.reading.measures import MEASURES, check_measure, measure
-from navbench.reading.phases import is_within, phases
-from navbench.reading.stored import Reading
+from navbench.analysis.claims import Measured
+from navbench.analysis.measures import MEASURES, check_measure, measure
+from navbench.analysis.phases import is_within, phases
+from navbench.analysis.stored import Reading
+from navbench.records import RobotRecord
+from navbench.validation import DescriptionError
 
 
 def reading_of(path: Path, **labels: list[RobotRecord]) -> Reading:

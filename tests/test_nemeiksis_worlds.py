@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from navbench.cli.configuration import compose_cell
 from navbench.controllers.nemeiksis2019_switch import DESTINATION, OBSTACLE, WALL
-from navbench.descriptions.record import RobotRecord
-from navbench.door.configuration import compose_cell
 from navbench.experiments.cells import Cell
 from navbench.mathematics.geometry import distance_to_nearest
+from navbench.records import RobotRecord
 
 BLINK = 12  # control periods: a shorter spell of an agent is chatter at a border, not a part of the way
 WITHOUT_WALL = "controller.build.switch.agents=[destination,obstacle]"

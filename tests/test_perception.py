@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from scenes import a_ring, a_robot, a_world, always, run_one
 
 from navbench.contract import Observation, Pose
-from navbench.descriptions.obstacles import Disc
-from navbench.descriptions.sensors import Mount, Odometry, Sensors, Tracker
-from navbench.loop.perception import Perception
-from navbench.loop.similarity import Similarity
+from navbench.episode.perception import Perception
+from navbench.episode.similarity import Similarity
 from navbench.mathematics.kinematics import advance_arc
 from navbench.mathematics.streams import stream
+from navbench.sensors import Mount, Odometry, Sensors, Tracker
+from navbench.world.shapes import Disc
 
 FloatArray = NDArray[np.float64]
 

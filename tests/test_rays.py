@@ -10,12 +10,12 @@ from scenes import BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, p
 from shapes import assert_readings_are_analytic, clutter, shapes_of
 
 from navbench.contract import Pose
-from navbench.descriptions.obstacles import Box, Disc, Point, Polygon, Wall
-from navbench.descriptions.sensors import RAYS_MAX, Mount, Sensors
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Start, World
-from navbench.physics import simulator as simulator_module
-from navbench.physics.simulator import Simulator
+from navbench.sensors import RAYS_MAX, Mount, Sensors
+from navbench.simulation import bullet as simulator_module
+from navbench.simulation.bullet import Simulator
+from navbench.simulation.options import SimulatorOptions
+from navbench.world.shapes import Box, Disc, Point, Polygon, Wall
+from navbench.world.world import Start, World
 
 # --- rays ---
 

@@ -14,20 +14,20 @@ import pandas as pd
 import pytest
 from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store
 
+from navbench.analysis.claims import Measured
+from navbench.analysis.stored import Reading
 from navbench.controllers.sflc import RULES, Sflc
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import RobotRecord, StudyCell
 from navbench.experiments.engines import in_processes
 from navbench.experiments.store import Results
-from navbench.reading.claims import Measured
-from navbench.reading.comparison import fair_comparison
-from navbench.reading.figures import PALETTE, styles, thinned
-from navbench.reading.markup import escape, latex, markdown, number, save_table
-from navbench.reading.provenance import sources
-from navbench.reading.reports import write_report
-from navbench.reading.sections import SECTIONS, check_section, write_section
-from navbench.reading.stored import Reading
-from navbench.reading.study_tables import Told, findings, outcomes_table, printed_table
+from navbench.records import RobotRecord, StudyCell
+from navbench.report.comparison import fair_comparison
+from navbench.report.figures import PALETTE, styles, thinned
+from navbench.report.markup import escape, latex, markdown, number, save_table
+from navbench.report.provenance import sources
+from navbench.report.reports import write_report
+from navbench.report.sections import SECTIONS, check_section, write_section
+from navbench.report.study_tables import Told, findings, outcomes_table, printed_table
+from navbench.validation import DescriptionError
 
 WORLDS = {"Fig 1": "plain", "Fig 2": "other"}
 FASTER = {"name": "share_better", "metric": "time_s", "select": {"label": "F"}, "than": {"label": "PID"}}
@@ -285,7 +285,7 @@ def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, 
         "import sys\n"
         "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
         "from pathlib import Path\n"
-        "from navbench.reading.reports import write_report\n"
+        "from navbench.report.reports import write_report\n"
         "from navbench.experiments.store import Results\n"
         "write_report([Results(Path(sys.argv[1]))], Path(sys.argv[2]))\n"
     )
@@ -302,7 +302,7 @@ def test_a_report_is_the_same_bytes_from_several_processes(stored: Reading, writ
 
 def test_reading_loads_no_slow_library_before_it_is_needed() -> None:
     code = (
-        "import sys, navbench.reading.reports\n"
+        "import sys, navbench.report.reports\n"
         "print([n for n in ('pandas', 'matplotlib', 'scipy.stats', 'tabulate', 'pybullet') if n in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

@@ -15,12 +15,12 @@ import pyarrow.parquet as pq
 import pytest
 from stored import a_cell, a_record
 
-from navbench.descriptions.record import RobotRecord, StudyCell
-from navbench.door.configuration import compose_cell
+from navbench.cli.configuration import compose_cell
 from navbench.experiments.cells import Cell, run_batch
 from navbench.experiments.running import run_cells
 from navbench.experiments.store import Results, ResultsError
-from navbench.reading.tables import failures, summarize, to_markdown, to_text
+from navbench.records import RobotRecord, StudyCell
+from navbench.report.tables import failures, summarize, to_markdown, to_text
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 EPISODES = 60  # three parts, the last one shorter

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scenes import Scripted, a_ring, a_runner, a_world, always, run, run_one, to_and_fro
 
 from navbench.contract import Command, Observation
-from navbench.descriptions.obstacles import Bounds, Box, Disc, Point, Wall
-from navbench.descriptions.record import RobotRecord
-from navbench.descriptions.robot import Robot
-from navbench.descriptions.sensors import Mount, Odometry, Sensors, Tracker
-from navbench.descriptions.world import FinishLine, Start, World
-from navbench.loop.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
+from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
+from navbench.records import RobotRecord
+from navbench.robot import Robot
+from navbench.sensors import Mount, Odometry, Sensors, Tracker
+from navbench.world.shapes import Bounds, Box, Disc, Point, Wall
+from navbench.world.world import FinishLine, Start, World
 
 KHEPERA = Robot(radius_m=0.065, track_m=0.0885, wheel_speed_max_mps=0.3333)
 DISC = Robot(radius_m=4.0, track_m=7.0, wheel_speed_max_mps=4.0, wheel_accel_max_mps2=10.0)

@@ -10,12 +10,12 @@ from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_w
 from shapes import Round, assert_readings_are_analytic, clearance, clutter, shapes_of
 
 from navbench.contract import Pose
-from navbench.descriptions.obstacles import Box, Disc, Wall
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Start
 from navbench.mathematics.kinematics import advance_arc
-from navbench.physics import simulator as simulator_module
-from navbench.physics.motion import move
+from navbench.simulation import bullet as simulator_module
+from navbench.simulation.motion import move
+from navbench.simulation.options import SimulatorOptions
+from navbench.world.shapes import Box, Disc, Wall
+from navbench.world.world import Start
 
 CONTACT_HAIR_RADII = 1.1e-4  # PyBullet rounds a box's corners by its margin of 0.001 units: (sqrt(2) - 1) * 0.001 / 4
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scenes import BLIND, BLOCK, a_robot, a_runner, a_world, always
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.layouts import Layout, Scatter, Swap
-from navbench.descriptions.obstacles import Bounds, Disc, Point, Polygon
-from navbench.descriptions.world import Start, World
-from navbench.loop.starts import Jitter, check_fits, draw_starts
-from navbench.physics.scene import Scene
+from navbench.episode.starts import Jitter, check_fits, draw_starts
+from navbench.simulation.scene import Scene
+from navbench.validation import DescriptionError
+from navbench.world.layouts import Layout, Scatter, Swap
+from navbench.world.shapes import Bounds, Disc, Point, Polygon
+from navbench.world.world import Start, World
 
 SWAP = Swap(robots=40, radius_m=20.0, spacing_m=4.0)  # the circle grows to 160 m around
 DISCS = Scatter(count=(1, 3), radius_m=(1.0, 2.0))

@@ -13,15 +13,15 @@ import pandas as pd
 import pytest
 from commands import NAVBENCH, Command
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import CellKey
-from navbench.door import composing
-from navbench.door.catalogue import CONF
-from navbench.door.configuration import compose_cell
-from navbench.door.study_configuration import compose_study, compose_tuning
+from navbench.cli import composing
+from navbench.cli.catalogue import CONF
+from navbench.cli.configuration import compose_cell
+from navbench.cli.study_configuration import compose_study, compose_tuning
 from navbench.experiments.store import Results
 from navbench.experiments.studies import Study, run_study
 from navbench.experiments.tunings import run_tuning
+from navbench.records import CellKey
+from navbench.validation import DescriptionError
 
 RESULTS = Path(__file__).parents[1] / "results"
 COMMITTED = sorted(file.parent.name for file in RESULTS.glob("*/manifest.json"))

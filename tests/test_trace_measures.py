@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from stored import TRACE, a_cell, a_record, store
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import RobotRecord
-from navbench.reading import trace_measures as measures
-from navbench.reading.stored import Reading
+from navbench.analysis import trace_measures as measures
+from navbench.analysis.stored import Reading
+from navbench.records import RobotRecord
+from navbench.validation import DescriptionError
 
 ALL = {"name": "printed"}
 

@@ -18,10 +18,10 @@ from scipy.optimize import differential_evolution
 from scipy.stats import chisquare
 
 from navbench.contract import FloatArray
-from navbench.tuners.bridge import STRATEGIES, De, points_of
-from navbench.tuners.search import Tuned, Tuner, batches, tune
-from navbench.tuners.space import Dimension, Space, space_of
-from navbench.tuners.swarms import (
+from navbench.tuning.bridge import STRATEGIES, De, points_of
+from navbench.tuning.search import Tuned, Tuner, batches, tune
+from navbench.tuning.space import Dimension, Space, space_of
+from navbench.tuning.swarms import (
     Abc,
     Fa,
     Generations,
@@ -807,8 +807,8 @@ def run(script: str) -> subprocess.CompletedProcess[str]:
     before = """
 import signal, threading, time
 import numpy as np
-from navbench.tuners.bridge import De, points_of
-from navbench.tuners.space import Dimension, space_of
+from navbench.tuning.bridge import De, points_of
+from navbench.tuning.space import Dimension, space_of
 cube = space_of([Dimension(name, 0.0, 1.0, "linear") for name in "ab"])
 """
     return subprocess.run([sys.executable, "-c", before + script], capture_output=True, text=True, timeout=120)

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import yaml
 
-from navbench.descriptions.description import DescriptionError, describe
-from navbench.descriptions.record import Outcome, RobotRecord
-from navbench.door.study_configuration import compose_tuning
-from navbench.door.tuned import source_keys
+from navbench.cli.study_configuration import compose_tuning
+from navbench.cli.tuned import source_keys
 from navbench.experiments.store import Results
 from navbench.experiments.tunings import Objective, run_tuning
 from navbench.mathematics.metrics import Metrics
-from navbench.tuners.space import Choice, Dimension
+from navbench.records import Outcome, RobotRecord
+from navbench.tuning.space import Choice, Dimension
+from navbench.validation import DescriptionError, describe
 
 CONF = Path(__file__).parents[1] / "conf"
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from stored import Fleet, a_cell, a_drive, store
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import RobotRecord
-from navbench.reading.claims import Measured
-from navbench.reading.measures import check_measure, measure
-from navbench.reading.stored import Reading
+from navbench.analysis.claims import Measured
+from navbench.analysis.measures import check_measure, measure
+from navbench.analysis.stored import Reading
+from navbench.records import RobotRecord
+from navbench.validation import DescriptionError
 
 A = {"label": "A"}
 Bands = dict[str, list[float]]

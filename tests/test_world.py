@@ -7,13 +7,13 @@ import pytest
 from scenes import a_world, to_and_fro
 from shapes import Shard
 
-from navbench.descriptions.description import REMEMBERED_MAX, DescriptionError, describe, remembered
-from navbench.descriptions.obstacles import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
-from navbench.descriptions.robot import Robot
-from navbench.descriptions.sensors import Sensors
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import Start, World
 from navbench.mathematics.geometry import box_distance, distance_to_nearest, polygon_distance
+from navbench.robot import Robot
+from navbench.sensors import Sensors
+from navbench.simulation.options import SimulatorOptions
+from navbench.validation import REMEMBERED_MAX, DescriptionError, describe, remembered
+from navbench.world.shapes import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
+from navbench.world.world import Start, World
 
 PLAIN: dict[str, Any] = {
     "name": "plain",

@@ -4,10 +4,10 @@ import math
 import numpy as np
 import pytest
 
-from navbench.descriptions.obstacles import Mover
-from navbench.descriptions.world import World
-from navbench.door.configuration import compose_cell
+from navbench.cli.configuration import compose_cell
 from navbench.experiments.cells import Cell
+from navbench.world.shapes import Mover
+from navbench.world.world import World
 
 THREE = ["zhao2017_empty", "zhao2017_static", "zhao2017_dynamic", "zhao2018_fleet", "zhao2018_fleet_detour"]
 ONE = ["zhao2018_static", "zhao2018_single", "zhao2018_single_detour"]

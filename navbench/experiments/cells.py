@@ -12,17 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from navbench.contract import Controller
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import CellKey, Names, RobotRecord
-from navbench.descriptions.robot import Robot
-from navbench.descriptions.sensors import Sensors
-from navbench.descriptions.simulation import SimulatorOptions
-from navbench.descriptions.world import World
+from navbench.episode.loop import EpisodeRunner
+from navbench.episode.similarity import Native
+from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
-from navbench.loop.episode import EpisodeRunner
-from navbench.loop.similarity import Native
-from navbench.loop.starts import Jitter
 from navbench.mathematics.metrics import Metrics
+from navbench.records import CellKey, Names, RobotRecord
+from navbench.robot import Robot
+from navbench.sensors import Sensors
+from navbench.simulation.options import SimulatorOptions
+from navbench.validation import DescriptionError
+from navbench.world.world import World
 
 BATCH_EPISODES = 25  # fixed, so that the names of the parts depend on the work alone, never on the workers
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from navbench.descriptions.description import DescriptionError
+from navbench.validation import DescriptionError
 
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from navbench.descriptions.record import StudyCell
 from navbench.experiments.cells import EPISODES, Cell
 from navbench.experiments.engines import run
 from navbench.experiments.store import Results, batch_name, discard_empty, existing
+from navbench.records import StudyCell
 
 Progress = Callable[[int, int], None]  # how many batches are done, of how many
 

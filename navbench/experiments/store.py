@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navbench.descriptions.description import DescriptionError
-from navbench.descriptions.record import CellKey, RobotRecord, StudyCell, TuningKey
+from navbench.records import CellKey, RobotRecord, StudyCell, TuningKey
+from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     import pandas as pd

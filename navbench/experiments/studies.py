@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from navbench.descriptions.record import StudyCell
 from navbench.experiments.cells import Cell
 from navbench.experiments.engines import Work, run
 from navbench.experiments.running import run_batches
 from navbench.experiments.store import Results, batch_name, tuning_name
 from navbench.experiments.tunings import Tuning, TuningRecord, run_tuning
+from navbench.records import StudyCell
 
 Report = Callable[[str, int, int], None]  # what is under way, how much of it is done, of how much
 

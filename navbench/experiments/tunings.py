@@ -10,14 +10,14 @@ import numpy as np
 from pydantic.dataclasses import dataclass as described
 
 from navbench.contract import FloatArray
-from navbench.descriptions.description import STRICT, DescriptionError, NonNegative, Number
-from navbench.descriptions.record import RobotRecord, TuningKey
+from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
 from navbench.experiments.engines import Work, run
-from navbench.loop.episode import EpisodeRunner
 from navbench.mathematics.metrics import Metrics
-from navbench.tuners.search import Tuner, batches
-from navbench.tuners.space import Repair, Side, space_of
+from navbench.records import RobotRecord, TuningKey
+from navbench.tuning.search import Tuner, batches
+from navbench.tuning.space import Repair, Side, space_of
+from navbench.validation import STRICT, DescriptionError, NonNegative, Number
 
 SEEDS_MAX = 2**63  # of an evaluation
 BUDGET_MAX = 10**6  # evaluations: more are a slip, and would fill the memory

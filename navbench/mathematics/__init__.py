@@ -1,1 +1,1 @@
-"""Mathematics: fuzzy inference, geometry, kinematics, metrics, statistics and named random streams."""
+"""Mathematics: geometry, kinematics, metrics, statistics and named random streams."""

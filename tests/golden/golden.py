@@ -102,7 +102,7 @@ def _tuning(words: str, folder: Path) -> dict[str, Any]:
     """Run one tuning and return each evaluation's cost, robots and parameters."""
     import pyarrow.parquet as pq
 
-    from navbench.door import cli
+    from navbench.cli import main as cli
 
     argv, sys.argv = sys.argv, ["navbench", "tune", *words.split(), "workers=1", f"hydra.run.dir={folder}"]
     sys.stdout.flush()

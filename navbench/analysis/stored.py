@@ -1,0 +1,142 @@
+"""A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.experiments.store import Results
+from navbench.validation import DescriptionError, describe
+from navbench.world.world import World
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
+
+
+class Reading:
+    """A results directory, read once.
+
+    Args:
+        results: the directory.
+    """
+
+    def __init__(self, results: Results) -> None:
+        self.results = results
+        self.manifest = results.manifest()
+        self._trajectories: dict[str, pd.DataFrame] = {}
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel to another process as the directory alone, to be read again there."""
+        return Reading, (self.results,)
+
+    @cached_property
+    def episodes(self) -> "pd.DataFrame":
+        """The table of episodes, with each cell's name, label, tuning and tuning_seed in front.
+
+        A cell that stands under two names gives its rows twice.
+        """
+        return self.cells.merge(self.results.episodes(), on="run_id")
+
+    def trajectory(self, run_id: str) -> "pd.DataFrame":
+        """Return the trajectories of one run."""
+        if run_id not in self._trajectories:
+            self._trajectories[run_id] = self.results.trajectories(run_id)
+        return self._trajectories[run_id]
+
+    def way(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
+        """Return the trajectory that belongs to a row of the table of episodes."""
+        ways = self.trajectory(row["run_id"])
+        way: pd.DataFrame = ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
+        return way
+
+    @cached_property
+    def evaluations(self) -> "pd.DataFrame":
+        """The table of evaluations.
+
+        Raises:
+            ResultsError: nothing was tuned.
+        """
+        return self.results.evaluations()
+
+    @cached_property
+    def descriptions(self) -> "dict[str, pd.DataFrame]":
+        """The tables that controllers offered of themselves, by name."""
+        return self.results.descriptions()
+
+    @cached_property
+    def cells(self) -> "pd.DataFrame":
+        """One row a cell: run_id, name, label, tuning, tuning_seed."""
+        import pandas as pd
+
+        names = ["run_id", "name", "label", "tuning", "tuning_seed"]
+        return pd.DataFrame([[cell[name] for name in names] for cell in self.manifest["cells"]], columns=names)
+
+    def configuration(self, run_id: str) -> dict[str, Any]:
+        """Return a cell's entry in the manifest."""
+        return self._entries[run_id]
+
+    @cached_property
+    def _entries(self) -> dict[str, dict[str, Any]]:
+        return {cell["run_id"]: cell for cell in reversed(self.manifest["cells"])}
+
+    def world(self, run_id: str, episode: int = 0) -> World:
+        """Return the world of a cell, its layout drawn for an episode."""
+        return world_of(self.configuration(run_id)).drawn_for(self.configuration(run_id)["seed"], episode)
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """The labels of all cells, in the order in which the study first names them."""
+        return list(dict.fromkeys(cell["label"] for cell in self.manifest["cells"]))
+
+    def select(self, **wanted: Any) -> "pd.DataFrame":
+        """Return the episodes of the cells that match: a value for each column, or a list of allowed ones.
+
+        Raises:
+            DescriptionError: there is no such column, or no episode matches.
+        """
+        rows = self.episodes
+        matching = np.ones(len(rows), dtype=bool)
+        for column, value in wanted.items():
+            if column not in rows.columns:
+                raise DescriptionError(f"select.{column}: there is no such column; allowed: {', '.join(rows.columns)}")
+            matching &= rows[column].isin(value if isinstance(value, list) else [value]).to_numpy()
+        rows = rows[matching]
+        if rows.empty:
+            raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
+        return rows
+
+    def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any], each: bool = False) -> "pd.DataFrame":
+        """Return the pairs of two controllers that met the same start and noise, the other's columns with "_other".
+
+        Args:
+            select: the cells of the one.
+            than: the cells of the other.
+            each: whether one that met the same start several times, as with several tunings, makes a pair each time.
+
+        Raises:
+            DescriptionError: one of them met a start several times, as with several tunings: pairs are not single.
+        """
+        sides = self.select(**select), self.select(**than)
+        for rows in sides:
+            if not each and rows.duplicated(PAIR).any():
+                raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
+        return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+
+
+def world_of(cell: Mapping[str, Any]) -> World:
+    """Return the world of a cell's entry in the manifest, its layout not drawn."""
+    return describe(World, {"name": cell["world"], **cell["configuration"]["world"]}, "world")
+
+
+def reached(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows of the robots that reached their goals."""
+    return rows[rows["outcome"] == "reached"]
+
+
+def outcomes(rows: "pd.DataFrame") -> dict[str, NDArray[np.bool_]]:
+    """Return for both sides of some pairs, called "" and "_other", which of them reached."""
+    return {side: (rows[f"outcome{side}"] == "reached").to_numpy(dtype=bool) for side in ("", "_other")}

@@ -1,0 +1,1 @@
+"""The command line and what it needs; the only package that knows Hydra."""

@@ -1,0 +1,144 @@
+"""From a controller's ``build`` to what makes it: its class found, its parameters checked, one made to see it fits."""
+
+import inspect
+import json
+import math
+import re
+import typing
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from pydantic import PydanticUserError, TypeAdapter, ValidationError
+
+from navbench.contract import Controller
+from navbench.records import Names
+from navbench.sensors import Sensors
+from navbench.validation import DescriptionError
+
+CLASS = "must name a class with reset(setup, rng) and act(observation), as module.Class"
+
+
+def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Controller]:
+    """Return what makes a controller, after making one to see that its parameters and its sensors fit.
+
+    Args:
+        build: ``_target_``, the controller's class as module.Class, and a value for each of its parameters.
+        sensors: the suite that it will have.
+        names: what controller and suite are called, for the error message.
+
+    Raises:
+        DescriptionError: one line that names the key, its value and what is allowed.
+    """
+    if not isinstance(build, dict) or "_target_" not in build:
+        raise DescriptionError(f"controller.build._target_: missing; it {CLASS}")
+    parameters = {name: value for name, value in build.items() if name != "_target_"}
+    target = _located(build["_target_"])
+    _check_finite("controller.build", parameters)
+    _check_parameters(target, parameters)
+    try:
+        controller = target(**parameters)
+    except Exception as error:  # whatever a constructor says of its parameters
+        raise DescriptionError(_complaint(error, target, parameters)) from None
+    if not isinstance(controller, Controller):
+        raise DescriptionError(f"controller.build._target_={build['_target_']}: {CLASS}")
+    needed = getattr(controller, "sensor_roles", None)
+    offered = tuple(mount.role for mount in sensors.mounts)
+    if needed is not None and not (isinstance(needed, list | tuple) and all(isinstance(role, str) for role in needed)):
+        raise DescriptionError(
+            f"controller.build._target_={build['_target_']}: its sensor_roles must be a tuple of names"
+        )
+    if needed is not None and tuple(needed) != offered:
+        raise DescriptionError(
+            f"sensors={names.sensors}: {names.controller} needs "
+            f"{'the range sensors ' + ', '.join(needed) + ', in this order' if needed else 'no range sensors'}; "
+            f"this suite has {_few(offered)}"
+        )
+    return partial(target, **parameters)  # made for each episode anew
+
+
+def _located(target: Any) -> Callable[..., Any]:
+    """Return what a dotted name stands for."""
+    complaint = f"controller.build._target_={target}:"
+    module, _, name = target.rpartition(".") if isinstance(target, str) else ("", "", "")
+    if not module or not name:
+        raise DescriptionError(f"{complaint} {CLASS}")
+    try:
+        found = getattr(import_module(module), name)
+    except Exception as error:  # a user's module may raise anything
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise DescriptionError(f"{complaint} cannot be imported ({text})") from None
+    lacks = inspect.isclass(found) and not (hasattr(found, "reset") and hasattr(found, "act"))
+    if lacks or not callable(found):
+        raise DescriptionError(f"{complaint} {CLASS}")
+    return found  # type: ignore[no-any-return]
+
+
+def _check_finite(key: str, value: Any) -> None:
+    """Check the numbers at any depth: what is not finite has no place in a manifest, and hides a slip."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, part in inner:
+        _check_finite(f"{key}.{name}" if isinstance(value, dict) else f"{key}[{name}]", part)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise DescriptionError(f"{key}={value}: must be a finite number")
+
+
+def _check_parameters(target: Callable[..., Any], parameters: Mapping[str, Any]) -> None:
+    """Check names and types against the target's own signature, so that no word passes where a number belongs."""
+    try:
+        signature = inspect.signature(target)
+    except ValueError:  # a built-in without one
+        return
+    kinds = inspect.Parameter
+    named = {
+        name: parameter
+        for name, parameter in signature.parameters.items()
+        if parameter.kind not in (kinds.VAR_KEYWORD, kinds.VAR_POSITIONAL)
+    }
+    free = any(parameter.kind is kinds.VAR_KEYWORD for parameter in signature.parameters.values())
+    for name in parameters:
+        if name not in named and not free:
+            raise DescriptionError(
+                f"controller.build.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}"
+            )
+    for name, parameter in named.items():
+        if parameter.default is parameter.empty and name not in parameters:
+            raise DescriptionError(f"controller.build.{name}: missing; a value is needed")
+    try:
+        hints = typing.get_type_hints(target.__init__ if inspect.isclass(target) else target)
+    except Exception:  # a hint may name what only a type checker imports
+        return
+    for name, value in parameters.items():
+        if name in hints:
+            _check_type(f"controller.build.{name}", hints[name], value)
+
+
+def _check_type(key: str, hint: Any, value: Any) -> None:
+    try:
+        adapter = TypeAdapter(hint)
+    except (PydanticUserError, NameError):
+        return  # a type that only the controller itself can check
+    try:
+        adapter.validate_json(json.dumps(value), strict=True)  # as JSON, so that a list may stand for a tuple
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
+        allowed = first["msg"].replace("Input should be", "must be").replace("an object", "a mapping")
+        raise DescriptionError(f"{key}{place}={first['input']!r}: {allowed}") from None
+
+
+def _complaint(error: Exception, target: Callable[..., Any], parameters: Mapping[str, Any]) -> str:
+    """Return what a constructor says of its parameters, named by their places in the configuration."""
+    own = getattr(target, "__name__", "")
+    text = re.sub(rf"^({re.escape(own)}|build)(\.|: )", "", " ".join(str(error).split()))
+    if not isinstance(error, ValueError) or not text:
+        text = f"{type(error).__name__}: {text}"
+    about = re.match(r"\w*", text)
+    return f"controller.build.{text}" if about and about[0] in parameters else f"controller.build: {text}"
+
+
+def _few(names: tuple[str, ...], most: int = 4) -> str:
+    """Return some names and how many there are beside them."""
+    shown = ", ".join(names[:most]) or "none"
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

@@ -1,0 +1,58 @@
+"""What there is to choose from: each group's files with the first line of each."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from navbench.validation import DescriptionError
+
+CONF = Path(__file__).parents[1] / "conf"
+
+GROUPS = ("controller", "world", "robot", "sensors", "simulator")  # of a run
+LISTED = (*GROUPS, "tuner", "objective", "study")
+
+
+def groups_in(folders: Sequence[Path]) -> list[str]:
+    """Return the groups that have a file in any of the folders, in the order of a run's words."""
+    return [group for group in LISTED if any((folder / group).is_dir() for folder in folders)]
+
+
+def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
+    """Return the names in a group with their first comment line, sorted; one that begins with _ is a part of others."""
+    files = {
+        file.stem: file for folder in folders for file in sorted((folder / group).glob("*.yaml")) if file.is_file()
+    }
+    return {name: _title(files[name]) for name in sorted(files) if not name.startswith("_")}
+
+
+def check_folder(folder: Path) -> None:
+    """Check that a user's folder is there, that none of its files hides behind one of navbench's own, and all are text.
+
+    Raises:
+        DescriptionError: there is no such folder, or one of its files has a name that is taken or is not in UTF-8.
+    """
+    if not folder.is_dir():
+        raise DescriptionError(f"--config-dir={folder}: there is no such folder")
+    for group in LISTED:
+        for file in sorted((folder / group).glob("*.yaml")):
+            if (CONF / group / file.name).exists() and not file.samefile(CONF / group / file.name):
+                raise DescriptionError(f"{file}: navbench has a {group} of that name; choose another one")
+            try:
+                file.read_text(encoding="utf-8")
+            except UnicodeDecodeError as error:
+                raise DescriptionError(f"{file}: must be text in UTF-8; its byte {error.start + 1} is none") from None
+
+
+def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
+    """Print the groups, a line a file."""
+    for group in groups:
+        print(group)
+        names = files_of(group, folders)
+        width = max(map(len, names), default=0)
+        for name, title in names.items():
+            print(f"  {name:<{width}}  {title}".rstrip())
+
+
+def _title(file: Path) -> str:
+    with file.open(errors="replace") as lines:
+        first = next((line for line in lines if not line.startswith("# @")), "")
+    return first.removeprefix("#").strip() if first.startswith("#") else ""

@@ -1,0 +1,70 @@
+"""What may be wrong with a configuration, each as one short line."""
+
+import re
+
+import yaml
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from omegaconf import ListConfig
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+from navbench.validation import DescriptionError
+
+CONFIGURATION_ERRORS = (DescriptionError, HydraException, OmegaConfBaseException, OSError, yaml.YAMLError)
+
+ALLOWED = {  # what OmegaConf says, and what it means to a reader
+    "converted to Integer": "must be a whole number",
+    "converted to Float": "must be a number",
+    "not a valid bool": "must be true or false",
+    "is not Optional|Incompatible value 'None'": "must not be null",
+    "is not a ListConfig": "must be a list",
+    "is not a subclass of|Cannot assign .* to Dict": "must be a mapping",
+    "Cannot convert .* to string": "must be a word",
+    "does not support deletion": "cannot be removed",
+    "Missing mandatory value": "missing; a value is needed",
+}
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error as one short line that names the key and what is allowed."""
+    cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__ or error.__context__
+    if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        choices = ", ".join(option for option in error.options if not option.startswith("_"))
+        return f"{group}={name}: unknown choice; allowed: {choices}"
+    if isinstance(error, OverrideParseException):
+        return f"{error.override}: cannot be read; a word is key=value, and a value of unusual characters needs quotes"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        return f"{error.problem_mark.name}, line {error.problem_mark.line + 1}: {error.problem}"
+    if not isinstance(error, DescriptionError) and isinstance(cause, OmegaConfBaseException):
+        return _wrong_value(str(error), cause)
+    dropped = ("Config search path", "provider=", "See https:", "Set the environment variable")
+    lines = [line.strip() for line in str(error).splitlines()]
+    kept = " ".join(line for line in lines if line and not line.startswith(dropped))
+    return kept or " ".join(lines) or type(error).__name__
+
+
+def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
+    """Return what is wrong with one value, from what Hydra says of the word or file and OmegaConf of the value."""
+    word = re.match(r"(?:Error merging override |Could not override ')([^\n']+)", text)
+    file = re.match(r"In '([^']+)'", text)
+    key = str(cause.full_key or "")
+    if file and not key:  # OmegaConf says of a wrong kind inside a file neither which key nor, rightly, which kind
+        return f"{file[1]}.yaml: {str(cause).splitlines()[0]}; a list stands where a mapping belongs, or the reverse"
+    if isinstance(cause, ConfigAttributeError | ConfigKeyError) and isinstance(cause.key, str):
+        if word and re.split(r"[.\[]", key)[0] != re.split(r"[=.]", word[1])[0]:
+            key = f"{word[1]}.{key}"  # OmegaConf names a key inside a list without its place
+        allowed = [str(name) for name in cause.parent_node or () if name not in ("hydra", "sources")]
+        known = ", ".join(allowed) or "none; set the whole mapping, as sensors.tracker={range_m: 1.0}"
+        complaint = f"{key}: unknown key; allowed here: {known}"
+    else:
+        complaint = f"{word[1] if word else key}: {_allowed(cause)}"
+    return f"{file[1]}.yaml: {complaint}" if file else complaint
+
+
+def _allowed(cause: OmegaConfBaseException) -> str:
+    first = str(cause).splitlines()[0]
+    if first.startswith("Cannot merge"):
+        return "must be a list" if isinstance(cause.parent_node, ListConfig) else "must be a mapping"
+    return next((said for pattern, said in ALLOWED.items() if re.search(pattern, first)), first)

@@ -1,0 +1,27 @@
+"""The Python interface: what the command line does, returned as a table."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from navbench.cli.configuration import cell_of, compose_run
+from navbench.cli.errors import one_line
+from navbench.experiments.running import run_cells
+from navbench.validation import DescriptionError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: str | None) -> "pd.DataFrame":
+    """Run one cell and return its table of episodes; see ``navbench.run``."""
+    try:
+        run = compose_run(*overrides, config_dir=config_dir)
+        cell, workers = cell_of(run), run.values["workers"]
+    except Exception as error:  # Hydra composes with errors of many kinds
+        raise DescriptionError(one_line(error)) from error
+    if path is not None:
+        return run_cells([cell], Path(path), workers).episodes()
+    with tempfile.TemporaryDirectory() as folder:
+        return run_cells([cell], Path(folder), workers).episodes()

@@ -1,0 +1,250 @@
+"""From a composed configuration to a tuning or a study."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from navbench.analysis.claims import Claim
+from navbench.analysis.measures import check_measure
+from navbench.cli.composing import Composed, Composer, composing, key_of, plain
+from navbench.cli.configuration import cell_of
+from navbench.cli.tunable import dimensions_of
+from navbench.experiments.cells import Cell
+from navbench.experiments.studies import Planned, Study
+from navbench.experiments.tunings import Objective, Tuning
+from navbench.report.sections import check_section
+from navbench.validation import STRICT, Count, DescriptionError, Flag, describe
+
+Seed = Annotated[int, Field(ge=0, strict=True)]
+Words = tuple[str, ...]
+
+OF_A_TUNING = ("tuner", "objective", "budget", "name", "world", "worlds", "workers", "hydra")  # not of its cells
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class CellSpec:
+    """Some cells of a study: every combination of its overrides' comma-separated values.
+
+    Attributes:
+        name: what they are there for; the cells of a comparison share it.
+        label: what the report calls their controller.
+        controllers: instead of ``label``, several of them: what the report calls each, and its own further overrides.
+        overrides: as on the command line.
+        episodes: how many episodes each.
+        seed: of every stream.
+        tuning: the name of the tunings whose best parameters the controller takes; empty for none.
+        tuning_seeds: of those, only these seeds; None for all.
+        trajectories: whether to keep the trajectories.
+    """
+
+    name: str
+    label: str = ""
+    controllers: Mapping[str, Words] | None = None
+    overrides: Words
+    episodes: Count = 1
+    seed: Seed = 0
+    tuning: str = ""
+    tuning_seeds: tuple[Seed, ...] | None = None
+    trajectories: Flag = True
+
+    def __post_init__(self) -> None:
+        """Check that the controllers are named in one way."""
+        if bool(self.label) == bool(self.controllers):
+            raise ValueError("must have one of `label` and `controllers`, the latter as `label: [overrides]`")
+
+    def labelled(self) -> dict[str, Words]:
+        """Return the overrides of each controller by its label."""
+        if self.controllers is None:
+            return {self.label: self.overrides}
+        return {label: (*own, *self.overrides) for label, own in self.controllers.items()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class TuningSpec:
+    """Some tunings of a study: one for each seed.
+
+    Attributes:
+        name: what they are called.
+        overrides: as on the command line of ``navbench tune``.
+        seeds: how many, from seed 0.
+    """
+
+    name: str
+    overrides: Words
+    seeds: Count = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class StudyFile:
+    """A study's own file.
+
+    Attributes:
+        title: the report's heading.
+        summary: what the report says first, in Markdown.
+        tunings: what it searches.
+        cells: what it runs.
+        claims: what a paper prints, to hold the results against.
+        report: the report's sections, in order: each a function of ``navbench.report.sections`` with its arguments.
+    """
+
+    title: str
+    summary: str = ""
+    tunings: tuple[TuningSpec, ...] = ()
+    cells: tuple[CellSpec, ...]
+    claims: tuple[Claim, ...] = ()
+    report: tuple[Mapping[str, Any], ...] = ()
+
+
+def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:
+    """Return the tuning that the command line's words describe, where its results go, and with how many workers.
+
+    Raises:
+        HydraException: an unknown choice or key.
+        DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
+    """
+    with composing(config_dir) as composer:
+        config, choices = composer.config("tune", overrides)
+        path = Path(HydraConfig.get().run.dir)
+        tuning = plain(config, choices)
+        return tuning_of(tuning, overrides, composer), path, tuning.values["workers"]
+
+
+def compose_study(name: str, config_dir: str | None = None) -> Study:
+    """Return the study of a name.
+
+    Raises:
+        HydraException: there is no such study, or a cell's overrides do not compose.
+        DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
+    """
+    with composing(config_dir) as composer:
+        config, _ = composer.config(f"study/{name}", [])
+        values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+        file = describe(StudyFile, values, f"study/{name}")
+        for i, claim in enumerate(file.claims):
+            check_measure(f"study/{name}.claims[{i}].measure", claim.measure)
+        for i, section in enumerate(file.report):
+            check_section(f"study/{name}.report[{i}]", section)
+        tunings = tuple(
+            tuning
+            for i, spec in enumerate(file.tunings)
+            for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composer)
+        )
+        known = {tuning.name for tuning in tunings}
+        cells = []
+        for i, spec in enumerate(file.cells):
+            if spec.tuning and spec.tuning not in known:
+                allowed = ", ".join(sorted(known)) or "none: this study has no tunings"
+                raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; allowed: {allowed}")
+            cells += _cells(f"study/{name}.cells[{i}]", spec, composer)
+    content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
+    return Study(name=name, tunings=tunings, cells=tuple(cells), content=content)
+
+
+def _cells(key: str, spec: CellSpec, composer: Composer) -> list[Planned]:
+    planned = []
+    for label, overrides in spec.labelled().items():
+        for words in _products(overrides):
+            try:
+                cell = cell_of(composer.values("run", [*words, f"episodes={spec.episodes}", f"seed={spec.seed}"]))
+            except DescriptionError as error:
+                raise DescriptionError(f"{key}: {error}") from None
+            cell = replace(cell, keep_trajectories=spec.trajectories)
+            planned.append(Planned(cell, spec.name, label, spec.tuning, spec.tuning_seeds))
+    return planned
+
+
+def _tunings(key: str, spec: TuningSpec, composer: Composer) -> list[Tuning]:
+    try:
+        first = tuning_of(composer.values("tune", spec.overrides), spec.overrides, composer)
+    except DescriptionError as error:
+        raise DescriptionError(f"{key}: {error}") from None
+    return [replace(first, name=spec.name, seed=seed) for seed in range(spec.seeds)]
+
+
+def _products(overrides: Sequence[str]) -> list[list[str]]:
+    """Return every combination of the overrides' comma-separated values."""
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    products: list[list[str]] = BasicSweeper.split_arguments(parsed, None)[0]
+    return products
+
+
+def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) -> Tuning:
+    """Return the tuning that a composed configuration describes.
+
+    Args:
+        composed: the configuration, of the primary config ``tune``.
+        overrides: the words that it was composed with.
+        composer: composes the cells in its further worlds.
+
+    Raises:
+        DescriptionError: one line that names the key, its value and what is allowed.
+    """
+    values, choices = composed.values, composed.choices
+    cell = cell_of(composed)
+    tunable = values["controller"].get("tunable") or {}
+    if not tunable:
+        raise DescriptionError(
+            f"controller.tunable: missing; {cell.names.controller} names no parameters to tune, "
+            "as `kp: {low: 0.0, high: 10.0, scale: linear}`"
+        )
+    name = values["name"] or f"{choices['tuner']}_{cell.names.controller}"
+    if not re.fullmatch(r"[A-Za-z0-9][\w-]*", name) or name == cell.names.controller:
+        raise DescriptionError(f"name={name}: must be a word of letters, digits, _ and -, and not the controller's own")
+    repair = values["controller"].get("repair")
+    sources = {part: values[part].pop("sources", {}) for part in ("tuner", "objective")}
+    build = values["tuner"]
+    configuration = {"tuner": build, "objective": values["objective"], "tunable": tunable}
+    return Tuning(
+        name=name,
+        tuner_name=str(choices["tuner"]),
+        objective_name=str(choices["objective"]),
+        cells=(cell, *_further_cells(values["worlds"], choices, overrides, composer)),
+        tuner=_made("tuner.build", build.get("build")),
+        dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
+        objective=describe(Objective, values["objective"], "objective"),
+        budget=values["budget"],
+        seed=values["seed"],
+        configuration=configuration if repair is None else {**configuration, "repair": repair},
+        sources=sources,
+        repair=None if repair is None else _made("controller.repair", repair),
+    )
+
+
+def _made(key: str, build: Any) -> Any:
+    """Return what a ``_target_`` and its parameters make."""
+    try:
+        made = instantiate(build, _convert_="all")
+    except Exception as error:  # whatever it says of its parameters
+        text = " ".join(str(error.__cause__ or error).split())
+        raise DescriptionError(f"{key}: {text}") from None
+    if made is None or isinstance(made, dict | list | str | int | float):
+        raise DescriptionError(f"{key}={build!r}: must name a class, as `_target_: module.Class`, and its parameters")
+    return made
+
+
+def _further_cells(
+    worlds: Sequence[str], choices: Mapping[str, Any], overrides: Sequence[str], composer: Composer
+) -> list[Cell]:
+    """Return the cells of the same words in further worlds, each on the robot that it was drawn for or that they name.
+
+    Raises:
+        DescriptionError: a world stands there twice, or as ``cell_of``.
+    """
+    for i, world in enumerate(worlds):
+        if world in (choices["world"], *worlds[:i]):
+            raise DescriptionError(f"worlds[{i}]={world}: stands there twice; `world` is the first of them")
+    controller = f"controller={choices['controller']}"
+    kept = [
+        word for word in overrides if key_of(word) != "controller" and key_of(word).split(".")[0] not in OF_A_TUNING
+    ]
+    return [cell_of(composer.values("run", [controller, *kept, f"world={world}"])) for world in worlds]

@@ -1,1 +1,0 @@
-"""Descriptions: worlds, robots, sensors and records, as frozen data that is checked when it is made."""

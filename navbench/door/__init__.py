@@ -1,1 +1,0 @@
-"""The door: the command line and what it needs; the only package that knows Hydra."""

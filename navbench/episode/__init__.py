@@ -1,0 +1,1 @@
+"""One episode: the closed loop of controllers in a world."""

@@ -1,0 +1,261 @@
+"""One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
+
+import math
+import struct
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
+from navbench.episode.perception import Perception
+from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
+from navbench.episode.starts import Jitter, check_fits, draw_starts
+from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
+from navbench.mathematics.streams import stream
+from navbench.records import Outcome, RobotRecord
+from navbench.robot import Robot
+from navbench.sensors import Sensors
+from navbench.simulation.bullet import Simulator
+from navbench.simulation.options import SimulatorOptions
+from navbench.simulation.scene import Scene
+from navbench.world.world import World
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class _Pilot:
+    """One robot's controller with its sensors, and what is kept of its way."""
+
+    controller: Controller
+    perception: Perception
+    states: list[tuple[float, ...]] = field(default_factory=list)
+    traces: list[bytes] = field(default_factory=list)
+    trace_names: tuple[str, ...] | None = None
+    latencies_s: list[float] = field(default_factory=list)
+    outcome: Outcome = "timed_out"
+    reason: str = ""
+    end_s: float = 0.0
+    _in_order: Callable[[Mapping[str, float]], tuple[float, ...]] = field(default=lambda _: ())
+    _packed: Callable[..., bytes] = bytes
+
+    def keep_trace(self, trace: Mapping[str, float]) -> None:
+        """Keep one act's trace, packed: it is checked by packing and takes little room.
+
+        Raises:
+            ValueError: its names are not those of the first act.
+            struct.error: a value is no number.
+        """
+        if self.trace_names is None:
+            self.trace_names = names = tuple(trace)
+            self._packed = struct.Struct(f"{len(names)}d").pack
+            self._in_order = itemgetter(*names) if len(names) > 1 else lambda one: tuple(one[name] for name in names)
+        try:
+            values = self._in_order(trace) if len(trace) == len(self.trace_names) else None
+        except KeyError:
+            values = None
+        if values is None:
+            raise ValueError(
+                f"the trace must have the same names at every step: {', '.join(self.trace_names) or 'none'}"
+            )
+        self.traces.append(self._packed(*values))
+
+
+class EpisodeRunner:
+    """Runs episodes of one combination of world, robot, sensors, simulator and controller, one after another.
+
+    Episodes do not depend on what ran before them. Use it in a ``with`` block: it holds a simulator.
+    ``make_controller`` and ``seed`` may be set anew between two episodes, as a tuning does.
+
+    Args:
+        make_controller: makes one controller object, for one robot.
+        native: what the controller was drawn for, or None.
+        world: the world.
+        robot: the robot that drives.
+        sensors: the sensor suite, as drawn: it is scaled here.
+        options: the simulator's options.
+        seed: the seed of all streams.
+        jitter: of the starts.
+
+    Raises:
+        DescriptionError: these do not fit together (see ``check_fits``).
+    """
+
+    def __init__(
+        self,
+        make_controller: Callable[[], Controller],
+        native: Native | None,
+        world: World,
+        robot: Robot,
+        sensors: Sensors,
+        options: SimulatorOptions,
+        seed: int,
+        jitter: Jitter,
+    ) -> None:
+        check_fits(world, robot)
+        self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
+        self.make_controller, self.seed = make_controller, seed
+        self._scene = Scene(world)
+        self._sensors = sensors.scaled_to(robot.radius_m)
+        self._similarity = Similarity.between(robot, native)
+        self._converts = not self._similarity.identity
+        self._period_s = period_s(native, self._similarity)
+        self._setup = native_setup(robot, self._sensors, native)
+        accel_max = accel_max_mps2(robot, native, self._similarity)
+        self._simulator = Simulator(robot, self._sensors, options, accel_max)
+
+    def __enter__(self) -> "EpisodeRunner":
+        """Return the runner itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the simulator."""
+        self._simulator.close()
+
+    def run(self, episode: int) -> list[RobotRecord]:
+        """Run one episode and return a record a robot.
+
+        Args:
+            episode: its index, which names its streams.
+        """
+        starts = self.starts(episode)
+        simulator, time_limit_s = self._simulator, self._template.time_limit_s
+        simulator.reset(self._scene, starts)
+        pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
+        for i, pilot in enumerate(pilots):
+            if pilot.outcome == "controller_error":
+                simulator.stop(i)
+        rows = simulator.rows()
+        periods = math.ceil(time_limit_s / self._period_s - 1e-9)
+        for k in range(periods):
+            if not simulator.running:
+                break
+            t_s = k * self._period_s
+            rows = self._period(pilots, rows, t_s, min(self._period_s, time_limit_s - t_s))
+        return [self._record(i, pilot, rows[i]) for i, pilot in enumerate(pilots)]
+
+    def starts(self, episode: int) -> list[Pose]:
+        """Draw an episode's layout and return where its robots begin, see ``draw_starts``."""
+        world = self._template.drawn_for(self.seed, episode)
+        self._scene = Scene(world)
+        return draw_starts(self._scene, self._robot.radius_m, self._jitter, self.seed, episode)
+
+    def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
+        world = self._scene.world
+        goal = (world.goals[index].x_m, world.goals[index].y_m)
+        name = (self.seed, world.name, episode, index)
+        perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
+        rng = stream(self.seed, world.name, episode, "controller", index)
+        try:
+            controller = self.make_controller()
+            controller.reset(self._setup, rng)
+        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
+            return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
+        return _Pilot(controller, perception)
+
+    def _period(
+        self, pilots: list[_Pilot], before: list[tuple[float, ...]], t_s: float, dt_s: float
+    ) -> list[tuple[float, ...]]:
+        """Let every running robot observe and act, then move all; keep what they did and return their new rows."""
+        simulator = self._simulator
+        active = [i for i, row in enumerate(before) if row[11]]
+        ranges = simulator.ranges()
+        for i in active:
+            self._act(pilots[i], i, t_s, before[i], ranges[i])
+        events = simulator.advance(t_s, dt_s) if simulator.running else []
+        ends = {event.robot_index: event for event in events}
+        after = simulator.rows()
+        for i in active:
+            pilot, (x, y, heading), row = pilots[i], before[i][:3], after[i]
+            if pilot.outcome == "controller_error":
+                pilot.states.append((t_s, x, y, heading, 0.0, 0.0))
+                pilot.end_s = t_s
+                continue
+            pilot.end_s = t_s + dt_s
+            duration = dt_s
+            if i in ends:
+                _, pilot.outcome, pilot.reason, pilot.end_s = ends[i]
+                duration = max(pilot.end_s - t_s, 1e-12)
+            left, right = row[5], row[6]
+            v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
+            pilot.states.append((t_s, x, y, heading, v, w))
+            if pilot.perception.drifts:
+                pilot.perception.travel(left, right, duration)
+        return after
+
+    def _act(self, pilot: _Pilot, index: int, t_s: float, row: tuple[float, ...], ranges_m: FloatArray) -> None:
+        """Let one robot observe and act; what it does wrong ends it with a reason."""
+        simulator = self._simulator
+        speed = (0.5 * (row[3] + row[4]), (row[4] - row[3]) / self._robot.track_m)
+        discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
+        observation = pilot.perception.observe(
+            t_s, Pose(row[0], row[1], row[2]), speed, ranges_m, simulator.touching[index], discs
+        )
+        try:
+            begin = time.perf_counter()
+            command = pilot.controller.act(observation)
+            pilot.latencies_s.append(time.perf_counter() - begin)
+            v, w = command
+            if not (math.isfinite(v) and math.isfinite(w)):
+                raise ValueError(f"the command must be finite, got v_mps={v}, w_radps={w}")
+            pilot.keep_trace(trace_of(pilot.controller))
+            if self._converts:
+                v, w = self._similarity.to_world(Command(v, w))
+            simulator.command(index, v, w)
+        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
+            pilot.outcome, pilot.reason = "controller_error", _reason(error)
+            simulator.stop(index)
+
+    def _record(self, index: int, pilot: _Pilot, row: tuple[float, ...]) -> RobotRecord:
+        last = pilot.states[-1] if pilot.states else (0.0,) * 6
+        states = np.array([*pilot.states, (pilot.end_s, *row[:3], *last[4:])])
+        names = pilot.trace_names or ()
+        traces = np.full((len(states), len(names)), np.nan)
+        if names:
+            traces[: len(pilot.traces)] = np.frombuffer(b"".join(pilot.traces)).reshape(-1, len(names))
+        if pilot.outcome == "controller_error":
+            states = states[:-1] if pilot.states else states
+            traces = traces[: len(states)]
+        durations = np.diff(states[:, 0])
+        n = len(durations)
+        goal, contacts = self._scene.world.goals[index], self._simulator.contacts[index]
+        if "heading_error_rad" in names:
+            errors = traces[:n, names.index("heading_error_rad")]
+        else:
+            errors = bearing_errors(states[:n, 1:4], goal.x_m, goal.y_m)
+        metrics = Metrics(
+            path_length_m=row[9],
+            time_s=pilot.end_s,
+            collisions=contacts.total,
+            robot_collisions=contacts.with_robots,
+            standing_collisions=contacts.standing,
+            min_clearance_m=row[8],
+            mean_speed_mps=row[9] / pilot.end_s if pilot.end_s > 0.0 else 0.0,
+            heading_ise=heading_ise(errors, durations),
+            total_turning_rad=row[10],
+            w_sign_changes=sign_changes(states[:n, 5]),
+            goal_distance_m=math.hypot(goal.x_m - row[0], goal.y_m - row[1]),
+        )
+        latencies = np.array(pilot.latencies_s)
+        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, names, latencies)
+
+
+def _reason(error: BaseException) -> str:
+    """Return an exception as one short line."""
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= 200 else text[:197] + "..."
+
+
+class _Absent:
+    """Stands where a controller could not be made; it never acts."""
+
+    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
+        """Do nothing."""
+
+    def act(self, observation: Observation) -> Command:
+        """Do not come here."""
+        raise AssertionError("a robot without a controller does not act")

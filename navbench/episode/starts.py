@@ -1,0 +1,103 @@
+"""Where the robots of an episode begin: the world's starts, moved at random, and free of everything."""
+
+import math
+from typing import NamedTuple
+
+from navbench.contract import Pose
+from navbench.mathematics.geometry import wrap_angle
+from navbench.mathematics.streams import stream
+from navbench.robot import Robot
+from navbench.simulation.scene import Scene
+from navbench.validation import DescriptionError
+from navbench.world.world import Start, World
+
+DRAWS_MAX = 1000  # a start that stays in contact this often has no free place within its jitter
+
+
+class Jitter(NamedTuple):
+    """How far starts are moved at random: uniform in [-j, j], for x and y [m] and for the heading [rad]."""
+
+    position_m: float = 0.0
+    heading_rad: float = 0.0
+
+
+def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
+    """Return a pose for each of the world's starts, moved at random, drawn again while in contact.
+
+    A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
+
+    Args:
+        scene: the world at time 0.
+        radius_m: every robot's hull [m].
+        jitter: how far the starts are moved.
+        seed: of the streams.
+        episode: its index, which names its streams.
+
+    Raises:
+        DescriptionError: a robot finds no free place.
+    """
+    world = scene.world
+    poses: list[Pose] = []
+    for i, start in enumerate(world.starts):
+        rng = stream(seed, world.name, episode, "start", i)
+        for _ in range(DRAWS_MAX):
+            dx, dy, turn = rng.uniform(-1.0, 1.0, 3).tolist()
+            pose = Pose(
+                start.x_m + dx * jitter.position_m,
+                start.y_m + dy * jitter.position_m,
+                wrap_angle(world.start_heading_rad(i) + turn * jitter.heading_rad),
+            )
+            if _reachable(scene, start, pose, radius_m) and _free(scene, pose, radius_m, poses):
+                poses.append(pose)
+                break
+        else:
+            raise DescriptionError(
+                f"start_jitter_m={jitter.position_m}: no free place within it of world.starts[{i}] in episode {episode}"
+            )
+    return poses
+
+
+def check_fits(world: World, robot: Robot) -> None:
+    """Check that every robot stands free at its start.
+
+    Raises:
+        DescriptionError: a start lies inside an obstacle or too near to another start.
+    """
+    layout = world.layout
+    if layout is not None:
+        if robot.radius_m >= layout.gap_m:
+            raise DescriptionError(
+                f"world.layout.gap_m={layout.gap_m}: must be more than the robot's radius {robot.radius_m} m"
+            )
+        if layout.swap is not None and layout.swap.neighbours_m() <= 2.0 * robot.radius_m:
+            raise DescriptionError(
+                f"world.layout.swap.spacing_m={layout.swap.spacing_m}: neighbours must stand further apart than two "
+                f"radii of the robot, {2.0 * robot.radius_m} m"
+            )
+    scene = Scene(world)
+    poses: list[Pose] = []
+    for i, start in enumerate(world.starts):
+        pose = Pose(start.x_m, start.y_m, 0.0)
+        if not _free(scene, pose, robot.radius_m, poses):
+            what = "an obstacle" if scene.distance(start.x_m, start.y_m) <= robot.radius_m else "another start"
+            raise DescriptionError(
+                f"world.starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than the robot's radius "
+                f"{robot.radius_m} m from {what}" + ("" if what == "an obstacle" else "'s robot")
+            )
+        poses.append(pose)
+
+
+def _reachable(scene: Scene, start: Start, pose: Pose, radius_m: float) -> bool:
+    """Return whether a drawn start lies inside the bounds and on the same side of everything as the world's own."""
+    if not scene.world.bounds.hold(pose.x_m, pose.y_m):
+        return False
+    dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
+    steps = math.ceil(math.hypot(dx, dy) / (0.25 * radius_m))
+    return all(scene.distance(start.x_m + dx * k / steps, start.y_m + dy * k / steps) > 0.0 for k in range(1, steps))
+
+
+def _free(scene: Scene, pose: Pose, radius_m: float, others: list[Pose]) -> bool:
+    """Return whether a robot stands free of the obstacles and of the robots already placed."""
+    if scene.distance(pose.x_m, pose.y_m) <= radius_m:
+        return False
+    return all(math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) > 2.0 * radius_m for other in others)

@@ -1,1 +1,0 @@
-"""The loop: one episode of controllers in a world."""

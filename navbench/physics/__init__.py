@@ -1,1 +1,0 @@
-"""Physics: how bodies move, and what the simulator says of rays and contacts."""

@@ -1,1 +1,0 @@
-"""Reading: tables, figures, claims and reports, from stored results only."""

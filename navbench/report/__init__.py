@@ -1,0 +1,1 @@
+"""Reports: tables, figures and documents, from stored results only."""

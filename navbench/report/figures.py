@@ -1,0 +1,308 @@
+"""Figures of stored results: trajectories over their world; and how a figure is saved."""
+
+import io
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.analysis.stored import world_of
+from navbench.experiments.store import Results
+from navbench.robot import Robot
+from navbench.validation import describe
+from navbench.world.shapes import Mover
+from navbench.world.world import World
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
+MOVER_EDGE = "#5e3f96"
+COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
+LABELS = {name: name.replace("_", " ") for name in COLOURS}
+LINES_MAX = 200  # more trajectories than this make a blot, not a picture
+PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness
+    "#d55e00",
+    "#0072b2",
+    "#009e73",
+    "#444444",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#882255",
+    "#999933",
+)
+MARKERS = "osD^vP*<p"
+DPI = 110  # of a PNG; an SVG has its own
+
+
+class Style(NamedTuple):
+    """How one label is drawn in every figure of a report."""
+
+    color: str
+    marker: str
+
+
+def styles(labels: Iterable[str]) -> dict[str, Style]:
+    """Return a style for each label, in their order.
+
+    The first label shares its colour with none; the others take turns with the rest of the palette, each turn with
+    other marks.
+    """
+    first, *rest = PALETTE
+    found: dict[str, Style] = {}
+    for i, label in enumerate(dict.fromkeys(labels)):
+        turn, place = divmod(i - 1, len(rest))
+        found[label] = Style(rest[place] if i else first, MARKERS[(i + 2 * turn) % len(MARKERS) if i else 0])
+    return found
+
+
+def nested_width(rank: int, count: int) -> float:
+    """Return a line's width [points]: later ones are narrower and lie on top, so that lines that coincide all show.
+
+    Args:
+        rank: of the line, the lowest 0.
+        count: how many lines there are.
+    """
+    return 1.2 + 1.1 * (count - 1 - rank)
+
+
+def robot_color(index: int) -> str:
+    """Return the colour of one of a fleet's robots."""
+    return PALETTE[index % len(PALETTE)]
+
+
+def thinned(points: FloatArray, tolerance_m: float) -> FloatArray:
+    """Return a polyline with fewer points that strays from it by no more than a tolerance, after Douglas and Peucker.
+
+    Args:
+        points: (n, 2) x, y [m], n >= 1.
+        tolerance_m: the largest distance of a dropped point from its chord [m].
+    """
+    kept = np.zeros(len(points), dtype=bool)
+    kept[[0, -1]] = True
+    spans = [(0, len(points) - 1)]
+    while spans:
+        begin, end = spans.pop()
+        chord, inner = points[end] - points[begin], points[begin + 1 : end] - points[begin]
+        if not len(inner):
+            continue
+        length2 = float(chord @ chord)
+        along = np.clip(inner @ chord / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(inner))
+        away = np.hypot(*(inner - along[:, None] * chord).T)
+        farthest = int(np.argmax(away))
+        if away[farthest] > tolerance_m:
+            middle = begin + 1 + farthest
+            kept[middle] = True
+            spans += [(begin, middle), (middle, end)]
+    return points[kept]
+
+
+def new_figure(rows: int, columns: int, width: float, height: float, **shared: Any) -> "tuple[Figure, Any]":
+    """Return a figure and its (rows, columns) axes, each so wide and high [inches]."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width * columns, height * rows + 0.5), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+
+
+def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
+    """Save a figure below ``figures/`` as PNG and SVG, the same bytes for the same figure, and return it in Markdown.
+
+    Args:
+        figure: the figure.
+        out: the report's directory.
+        stem: the files' name without its ending.
+        caption: what it shows.
+    """
+    import matplotlib
+
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
+        for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
+            _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
+    return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
+
+
+def save_trajectories(runs: Sequence[Results], file: Path) -> None:
+    """Draw all episodes of some results directories, a panel a cell, and save the picture.
+
+    Args:
+        runs: the directories.
+        file: where to save; its ending chooses the format.
+    """
+    from matplotlib.figure import Figure
+
+    panels = []
+    for results in runs:
+        episodes, trajectories = results.episodes(), results.trajectories()
+        for cell in results.manifest()["cells"]:
+            run = cell["run_id"]
+            panels.append((cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run]))
+    columns = min(3, len(panels))
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for ax, panel in zip(axes, panels, strict=False):
+        draw_cell(ax, *panel)
+    for ax in axes[len(panels) :]:
+        ax.set_axis_off()
+    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+
+
+def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
+    """Draw a world with the ways of all episodes, coloured by outcome.
+
+    Args:
+        ax: where to draw.
+        cell: the cell's entry in the manifest.
+        episodes: its rows of the table of episodes.
+        trajectories: its rows of the table of trajectories.
+    """
+    world = world_of(cell)
+    if world.layout is not None and cell["episodes"] == 1:
+        world = world.drawn_for(cell["seed"], 0)  # of several episodes, each has another layout
+    robot = describe(Robot, cell["configuration"]["robot"], "robot")
+    draw_world(ax, world)
+    outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
+    for count, (key, way) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
+        if count == LINES_MAX:
+            break
+        colour = COLOURS[outcomes[key]]
+        ax.plot(way["x_m"], way["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4)
+        ax.add_patch(_circle(way["x_m"].iloc[-1], way["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour))
+    for start in world.starts:
+        ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
+    seen = [name for name in COLOURS if name in set(outcomes.values())]
+    handles = [
+        ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
+    ]
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
+    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
+
+
+def draw_world(ax: "Axes", world: World, t_s: float | None = None) -> None:
+    """Draw a world: bounds, boxes, walls, discs, polygons, movers, goals and the finish line.
+
+    Args:
+        ax: where to draw.
+        world: what to draw, its layout drawn.
+        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their ways.
+    """
+    from matplotlib.patches import Polygon
+
+    for i, box in enumerate(world.solids()):
+        ax.add_patch(Polygon(_corners(box), color=OBSTACLE if i < len(world.boxes) else WALL, zorder=2))
+    for disc in world.discs:
+        ax.add_patch(_circle(disc.x_m, disc.y_m, disc.radius_m, color=OBSTACLE))
+    for polygon in world.polygons:
+        ax.add_patch(Polygon([(p.x_m, p.y_m) for p in polygon.corners], color=OBSTACLE, zorder=2))
+    for mover in world.movers:
+        points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
+        if t_s is None:
+            ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=0.8, zorder=1)
+        _draw_mover(ax, mover, *mover.place(t_s or 0.0))
+    for goal in world.goals:
+        ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
+        ax.plot(goal.x_m, goal.y_m, "x", color="black", markersize=7, zorder=5)
+    if world.finish_line is not None:
+        line = world.finish_line
+        ax.plot([line.x1_m, line.x2_m], [line.y1_m, line.y2_m], ":", color="black", zorder=3)
+    b = world.bounds
+    margin = 0.04 * max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m)
+    ax.set(xlim=(b.x_min_m - margin, b.x_max_m + margin), ylim=(b.y_min_m - margin, b.y_max_m + margin))
+    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+
+
+def _draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float) -> None:
+    from matplotlib.patches import Polygon
+
+    if mover.outline:
+        corners = [(x_m + p.x_m, y_m + p.y_m) for p in mover.outline]
+        ax.add_patch(Polygon(corners, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8, zorder=3))
+    else:
+        ax.add_patch(_circle(x_m, y_m, mover.radius_m, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8))
+
+
+def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float, color: str = "black") -> None:
+    """Draw a robot's hull, such as where it begins."""
+    ax.add_patch(_circle(x_m, y_m, radius_m, fill=False, color=color, zorder=6))
+
+
+def _corners(box: Any) -> Any:
+    half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (box.length_m, box.width_m)
+    cosine, sine = np.cos(box.heading_rad), np.sin(box.heading_rad)
+    return half @ np.array([[cosine, sine], [-sine, cosine]]) + (box.x_m, box.y_m)
+
+
+def _circle(x_m: float, y_m: float, radius_m: float, **style: Any) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle((x_m, y_m), radius_m, **{"zorder": 3, **style})
+
+
+def _opacity(lines: int) -> float:
+    return max(0.15, min(1.0, 6.0 / lines))
+
+
+def _count(outcomes: dict[Any, str], name: str) -> int:
+    return sum(outcome == name for outcome in outcomes.values())
+
+
+def _numbers(episodes: "pd.DataFrame") -> str:
+    """Return time and length under a title: the only robot's own, or the means of those that reached."""
+    reached = episodes[episodes["outcome"] == "reached"]
+    if reached.empty:
+        return ""
+    mean = "" if len(episodes) == 1 else f"means of {len(reached)} of {len(episodes)}: "
+    return f"\n{mean}{reached['time_s'].mean():.2f} s, {reached['path_length_m'].mean():.3f} m"
+
+
+def save_convergence(results: Results, file: Path) -> None:
+    """Draw the least cost so far over the evaluations, a line a tuning, and save the picture.
+
+    Args:
+        results: a results directory with evaluations.
+        file: where to save; its ending chooses the format.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    ax = figure.subplots()
+    for (name, seed), rows in results.evaluations().groupby(["name", "seed"]):
+        evaluations = rows["evaluation"].to_numpy() + 1
+        ax.plot(evaluations, rows["cost"], ".", color="#8d99ae", markersize=3)
+        ax.step(evaluations, rows["cost"].cummin(), where="post", label=f"{name}, seed {seed}: least so far")
+    ax.set(xlabel="evaluations", ylabel="cost", yscale="log" if (results.evaluations()["cost"] > 0).all() else "linear")
+    ax.legend(frameon=False)
+    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+
+
+def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None] | None) -> None:
+    """Save a figure whole or not at all: under a temporary name, then renamed.
+
+    It is laid out and measured here: asked for a tight box, ``savefig`` would draw it a second time to do so.
+    """
+    from matplotlib import rcParams
+    from matplotlib.backend_bases import get_registered_canvas_class
+
+    content, form = io.BytesIO(), file.suffix[1:]
+    layout = figure.get_layout_engine()
+    dpi = get_registered_canvas_class(form)(figure).fixed_dpi or DPI
+    figure.set_dpi(dpi)
+    if layout is not None:
+        layout.execute(figure)
+    box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
+    figure.set_layout_engine(None)
+    figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
+    figure.set_layout_engine(layout)
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    temporary.write_bytes(content.getvalue())
+    os.replace(temporary, file)

@@ -1,0 +1,1 @@
+"""Simulation: how bodies move, and what rays and contacts say of them."""

@@ -1,0 +1,27 @@
+"""How an episode is simulated: the options of the simulator."""
+
+from typing import Literal
+
+from pydantic.dataclasses import dataclass
+
+from navbench.validation import STRICT, Flag, NonNegative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class SimulatorOptions:
+    """The simulator's options.
+
+    Attributes:
+        gui: open PyBullet's window and run in real time.
+        drive: "ideal": no slip, within the robot's wheel-speed and acceleration limits; "limited": the same behind a
+            motor lag and a command delay.
+        on_collision: "end": a robot that hits ends; "block": it is held at its last free pose and counted.
+        motor_lag_s: time constant of each wheel's first-order lag, used by "limited" [s].
+        command_delay_s: how long a command takes to reach the wheels, used by "limited" [s].
+    """
+
+    gui: Flag = False
+    drive: Literal["ideal", "limited"] = "ideal"
+    on_collision: Literal["end", "block"] = "end"
+    motor_lag_s: NonNegative = 0.0
+    command_delay_s: NonNegative = 0.0

@@ -1,0 +1,305 @@
+"""The ring's rays: where they begin and end on the robot, and how hits become readings."""
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.mathematics.geometry import box_distance, distance_to_nearest
+from navbench.sensors import Sensors
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# A ray in the robot frame, and how a hit becomes a reading.
+RAY = np.dtype(
+    [
+        ("begin_x_m", "f8"),
+        ("begin_y_m", "f8"),
+        ("end_x_m", "f8"),
+        ("end_y_m", "f8"),
+        ("length_m", "f8"),
+        ("offset_m", "f8"),  # of it, how much lies before the mount
+        ("sensor", "i8"),
+        ("is_only_one", "i8"),  # of its sensor
+    ]
+)
+HAIR_RADII = 0.01  # more than the engine's own tolerance, 0.001 units where a radius has 4 or more
+
+
+class Rays:
+    """A ring's rays in the robot frame, in simulation units, and how hits become readings.
+
+    A ray begins where its line enters the hull, so that a thing between the hull and a mount outside it reads 0.
+
+    Attributes:
+        begins: each ray's beginning.
+        ends: each ray's end.
+        nothing: (n_sensors,) what is read where nothing is seen [m].
+        reach_m: what is further from the hull is hit by no ray [m].
+        exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
+    """
+
+    def __init__(self, sensors: Sensors, radius_m: float, scale: float) -> None:
+        self.begins: list[tuple[float, float, float]] = []
+        self.ends: list[tuple[float, float, float]] = []
+        rays: list[tuple[float, ...]] = []
+        reach, exposed = 0.0, 0.0
+        self.nothing = [float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()]
+        for sensor, mount in enumerate(sensors.complete_mounts()):
+            half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
+            for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
+                cosine, sine = math.cos(mount.heading_rad + turn), math.sin(mount.heading_rad + turn)
+                back = _back_into_hull(mount.x_m, mount.y_m, cosine, sine, radius_m)
+                away = math.hypot(mount.x_m, mount.y_m)
+                if back == 0.0 and away > radius_m:
+                    exposed = max(exposed, away)
+                reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
+                begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
+                end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
+                rays.append((*begin, *end, back + limit, back, sensor, count == 1))
+                self.begins.append((begin[0] * scale, begin[1] * scale, 0.0))
+                self.ends.append((end[0] * scale, end[1] * scale, 0.0))
+        self._rays = np.array(rays, RAY)
+        self._readings = [(length_m, offset_m, int(sensor)) for *_, length_m, offset_m, sensor, _ in rays]
+        self._radius_m = radius_m
+        self.reach_m = reach - radius_m
+        self.exposed_m = exposed - radius_m
+
+    def decisive(
+        self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
+    ) -> list[int]:
+        """Return the numbers of those rays of the running robots that may be what their sensors read.
+
+        They may hit something, perhaps by a hair, and no other ray of the same sensor surely reads less.
+
+        Args:
+            robots: (n,) of ``ROBOT``.
+            boxes: (k, 6) as in ``World.box_rows``.
+            discs: (m, 5) as in ``World.disc_rows``.
+            polygons: (l, ...) as in ``World.polygon_rows``.
+
+        Returns:
+            Where in this list each robot's numbers begin and where the last one's end, n + 1 places; then the numbers.
+        """
+        asked: list[int] = _decisive(robots, self._radius_m, self.reach_m, self._rays, boxes, discs, polygons).tolist()
+        return asked
+
+    def read(self, rays: list[int], fractions: list[float]) -> list[float]:
+        """Return one robot's readings [m], for the share of each of these rays that is free."""
+        readings = self.nothing.copy()
+        for ray, free in zip(rays, fractions, strict=True):
+            if free < 1.0:
+                length_m, offset_m, sensor = self._readings[ray]
+                readings[sensor] = min(readings[sensor], max(free * length_m - offset_m, 0.0))
+        return readings
+
+    def bury(
+        self,
+        ranges: FloatArray,
+        x_m: float,
+        y_m: float,
+        heading_rad: float,
+        boxes: FloatArray,
+        discs: FloatArray,
+        polygons: FloatArray,
+    ) -> None:
+        """Set to 0, in place, the readings of sensors with a ray that begins inside something: it hits nothing."""
+        _bury(ranges, self._rays, x_m, y_m, heading_rad, boxes, discs, polygons)
+
+
+def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:
+    """Return how far back along its ray a mount must go to lie just inside the hull [m], 0 for one inside."""
+    hull = radius_m * (1.0 - 1e-6)
+    if math.hypot(x_m, y_m) <= hull:
+        return 0.0
+    along = x_m * cosine + y_m * sine
+    square = along * along - (x_m * x_m + y_m * y_m - hull * hull)
+    if square <= 0.0 or along <= 0.0:
+        return 0.0  # this line misses the hull behind the mount
+    return along - math.sqrt(square)
+
+
+@numba.njit(cache=True)
+def _decisive(
+    robots: NDArray[np.void],
+    radius_m: float,
+    reach_m: float,
+    rays: NDArray[np.void],
+    boxes: FloatArray,
+    discs: FloatArray,
+    polygons: FloatArray,
+) -> IntArray:
+    hair = HAIR_RADII * radius_m
+    asked = np.empty(robots.shape[0] * (1 + rays.shape[0]) + 1, np.int64)
+    least = np.empty(rays.shape[0])  # what each ray may read at least
+    most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number; no more sensors than rays
+    near_boxes = np.empty(boxes.shape[0], np.int64)
+    near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
+    count = robots.shape[0] + 1
+    for index in range(robots.shape[0]):
+        asked[index] = count
+        if not robots[index].running or robots[index].clearance_m > reach_m:
+            continue
+        x, y, heading = robots[index].x_m, robots[index].y_m, robots[index].heading_rad
+        cosine, sine = math.cos(heading), math.sin(heading)
+        n_boxes = _boxes_within(x, y, reach_m + radius_m, boxes, near_boxes)
+        n_circles = _circles_within(x, y, reach_m + radius_m, robots, index, radius_m, discs, polygons, near_circles)
+        most[:] = math.inf
+        for k in range(rays.shape[0]):
+            ray = rays[k]
+            ax = x + cosine * ray.begin_x_m - sine * ray.begin_y_m
+            ay = y + sine * ray.begin_x_m + cosine * ray.begin_y_m
+            ux = cosine * (ray.end_x_m - ray.begin_x_m) - sine * (ray.end_y_m - ray.begin_y_m)
+            uy = sine * (ray.end_x_m - ray.begin_x_m) + cosine * (ray.end_y_m - ray.begin_y_m)
+            first, last = math.inf, math.inf
+            for i in range(n_boxes):
+                enough = -1.0 if ray.is_only_one else last  # a sensor's only ray decides whatever it reads at most
+                low, high = _enters_box(ax, ay, ux, uy, boxes, near_boxes[i], hair, enough)
+                first, last = min(first, low), min(last, high)
+            for i in range(n_circles):  # number by number: to pass a row takes longer than what is done with it
+                cx, cy, radius, is_disc = near_circles[i, 0], near_circles[i, 1], near_circles[i, 2], near_circles[i, 3]
+                enough = -1.0 if ray.is_only_one else last
+                low, high = _enters_circle(ax, ay, ux, uy, cx, cy, radius, is_disc == 1.0, hair, enough)
+                first, last = min(first, low), min(last, high)
+            least[k] = max(first * ray.length_m - ray.offset_m, 0.0)
+            most[ray.sensor] = min(most[ray.sensor], max(last * ray.length_m - ray.offset_m, 0.0))
+        for k in range(rays.shape[0]):
+            if least[k] < math.inf and least[k] <= most[rays[k].sensor]:
+                asked[count] = k
+                count += 1
+    asked[robots.shape[0]] = count
+    return asked[:count]
+
+
+@numba.njit(cache=True)
+def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: IntArray) -> int:
+    """Write the numbers of the boxes that come this near to a point, and return how many do."""
+    count = 0
+    for i in range(boxes.shape[0]):
+        if box_distance(x, y, boxes[i]) <= far_m:
+            found[count] = i
+            count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _circles_within(
+    x: float,
+    y: float,
+    far_m: float,
+    robots: NDArray[np.void],
+    index: int,
+    radius_m: float,
+    discs: FloatArray,
+    polygons: FloatArray,
+    found: FloatArray,
+) -> int:
+    """Write what is round and comes this near to a robot's centre, and return how many do.
+
+    A row holds x, y, radius [m], and 1, or 0 for the circle around a polygon, which does not say where that is hit.
+    """
+    count = 0
+    for i in range(discs.shape[0]):
+        if math.hypot(discs[i, 0] - x, discs[i, 1] - y) - discs[i, 2] <= far_m:
+            found[count] = discs[i, 0], discs[i, 1], discs[i, 2], 1.0
+            count += 1
+    for i in range(polygons.shape[0]):
+        if math.hypot(polygons[i, 0] - x, polygons[i, 1] - y) - polygons[i, 2] <= far_m:
+            found[count] = polygons[i, 0], polygons[i, 1], polygons[i, 2], 0.0
+            count += 1
+    for i in range(robots.shape[0]):
+        if i != index and math.hypot(robots[i].x_m - x, robots[i].y_m - y) - radius_m <= far_m:
+            found[count] = robots[i].x_m, robots[i].y_m, radius_m, 1.0
+            count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _enters_circle(
+    ax: float,
+    ay: float,
+    ux: float,
+    uy: float,
+    x: float,
+    y: float,
+    radius: float,
+    is_disc: bool,
+    hair: float,
+    enough: float,
+) -> tuple[float, float]:
+    """Return the least and the largest share of the way from a along u at which a circle may be hit, or infinity.
+
+    The least is that of a circle larger by a hair, the largest that of one smaller by a hair; it is infinite where the
+    circle may be passed, or a may lie in it, since a ray does not hit what it begins in. Where even the least is not
+    below ``enough``, the largest is not sought, and infinite.
+    """
+    dx, dy = x - ax, y - ay
+    outer, inner = radius + hair, radius - hair
+    if dx * dx + dy * dy <= outer * outer:
+        return 0.0, math.inf
+    along, across, length2 = dx * ux + dy * uy, dx * uy - dy * ux, ux * ux + uy * uy
+    outside2 = outer * outer * length2 - across * across
+    if along <= 0.0 or outside2 < 0.0:
+        return math.inf, math.inf
+    low = (along - math.sqrt(outside2)) / length2
+    if low > 1.0:
+        return math.inf, math.inf
+    inside2 = inner * inner * length2 - across * across
+    if low >= enough or not is_disc or inner <= 0.0 or inside2 <= 0.0:
+        return low, math.inf
+    high = (along - math.sqrt(inside2)) / length2
+    return low, high if high < 1.0 else math.inf
+
+
+@numba.njit(cache=True)
+def _enters_box(
+    ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float, enough: float
+) -> tuple[float, float]:
+    """Return the least and the largest share of the way from a along u at which a box may be hit, as for a circle."""
+    low = _enters_sides(ax, ay, ux, uy, boxes, box, hair)
+    if low == 0.0 or low >= enough:
+        return low, math.inf
+    high = _enters_sides(ax, ay, ux, uy, boxes, box, -hair)
+    return low, high if high < 1.0 else math.inf
+
+
+@numba.njit(cache=True)
+def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float) -> float:
+    """Return at which share of the way from a along u a box larger by a hair is entered, 0 from inside, or infinity."""
+    dx, dy = ax - boxes[box, 0], ay - boxes[box, 1]
+    cosine, sine = boxes[box, 4], boxes[box, 5]
+    low, high = 0.0, 1.0
+    for axis in range(2):
+        place = cosine * dx + sine * dy if axis == 0 else cosine * dy - sine * dx
+        step = cosine * ux + sine * uy if axis == 0 else cosine * uy - sine * ux
+        half = boxes[box, 2 + axis] + hair
+        if half <= 0.0:
+            return math.inf
+        if step == 0.0:
+            if abs(place) > half:
+                return math.inf
+            continue
+        first, second = (-half - place) / step, (half - place) / step
+        low, high = max(low, min(first, second)), min(high, max(first, second))
+    return low if low <= high else math.inf
+
+
+@numba.njit(cache=True)
+def _bury(
+    ranges: FloatArray,
+    rays: NDArray[np.void],
+    x_m: float,
+    y_m: float,
+    heading_rad: float,
+    boxes: FloatArray,
+    discs: FloatArray,
+    polygons: FloatArray,
+) -> None:
+    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+    for k in range(rays.shape[0]):
+        px = x_m + cosine * rays[k].begin_x_m - sine * rays[k].begin_y_m
+        py = y_m + sine * rays[k].begin_x_m + cosine * rays[k].begin_y_m
+        if distance_to_nearest(px, py, boxes, discs, polygons) <= 0.0:
+            ranges[rays[k].sensor] = 0.0

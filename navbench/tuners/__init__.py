@@ -1,1 +1,0 @@
-"""Tuners: how to search a controller's parameters."""

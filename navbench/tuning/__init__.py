@@ -1,0 +1,1 @@
+"""Tuning: how to search a controller's parameters: update rules and the budget."""
