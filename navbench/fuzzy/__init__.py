@@ -1,0 +1,1 @@
+"""Fuzzy sets, rules and inference."""
