@@ -1,1 +1,1 @@
-"""One navigation method a file, each reading like its paper."""
+"""Navigation methods, one folder per paper, each reading like its paper."""

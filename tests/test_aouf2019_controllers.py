@@ -13,13 +13,13 @@ from omegaconf import OmegaConf
 import navbench.conf
 from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
-from navbench.controllers import aouf2019
-from navbench.controllers.aouf2019 import FOLLOW_WALL, GO_TO_GOAL, LEFT, NO_SIDE, RIGHT, SENSOR_ROLES
-from navbench.controllers.aouf2019_behaviors import Behaviors
-from navbench.controllers.go_to_goal import GoToGoal
-from navbench.controllers.mixed import Mixed
-from navbench.controllers.pid import Pid
-from navbench.controllers.sflc import RULES, Sflc
+from navbench.controllers.aouf2019 import equations as aouf2019
+from navbench.controllers.aouf2019.behaviors import Behaviors
+from navbench.controllers.aouf2019.equations import FOLLOW_WALL, GO_TO_GOAL, LEFT, NO_SIDE, RIGHT, SENSOR_ROLES
+from navbench.controllers.aouf2019.mixed import Mixed
+from navbench.controllers.aouf2019.pid import Pid
+from navbench.controllers.aouf2019.sflc import RULES, Sflc
+from navbench.controllers.classical.go_to_goal import GoToGoal
 
 CONF = Path(navbench.conf.__file__).parent
 KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal, "mixed": Mixed}

@@ -92,7 +92,7 @@ def test_the_framework_never_imports_a_controller() -> None:
 
 
 def test_a_controller_sees_only_the_contract_and_mathematics() -> None:
-    for path in (ROOT / "controllers").glob("*.py"):
+    for path in (ROOT / "controllers").rglob("*.py"):
         own = [name for name in imports_of_controller(path) if name.startswith("navbench.")]
         for name in own:
             place = name.split(".")[1]
@@ -111,13 +111,16 @@ def imports_of_controller(path: Path) -> set[str]:
 def test_every_subpackage_is_listed_for_the_wheel() -> None:
     listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
     inside = {path.parent for path in PACKAGE.rglob("__init__.py") if path.parent.name not in ("conf", "controllers")}
-    tree = {"navbench", "navbench.conf", "navbench.controllers"}
-    tree |= {".".join(folder.relative_to(ROOT).parts) for folder in inside}
+    inside |= {path.parent for path in (ROOT / "controllers").rglob("__init__.py")}
+    tree = {"navbench", "navbench.conf"}
+    for folder in inside:
+        parts = folder.relative_to(ROOT).parts
+        tree.add(".".join(parts if parts[0] == "navbench" else ("navbench", *parts)))
     assert listed == tree
 
 
 def test_no_module_is_longer_than_400_lines() -> None:
-    for path in [*MODULES.values(), *(ROOT / "controllers").glob("*.py")]:
+    for path in [*MODULES.values(), *(ROOT / "controllers").rglob("*.py")]:
         assert len(path.read_text().splitlines()) <= 400, path.name
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Observation, Pose, RangeSensor, Setup
-from navbench.controllers import lei2014
-from navbench.controllers.dual_layer import TRACE, DualLayer
-from navbench.controllers.lei2014 import ASIDE, FRONT, LEFT, RIGHT
-from navbench.controllers.lei2014_hits import Hits
-from navbench.controllers.lei2014_rules import (
+from navbench.controllers.lei2014 import danger as lei2014
+from navbench.controllers.lei2014.danger import ASIDE, FRONT, LEFT, RIGHT
+from navbench.controllers.lei2014.dual_layer import TRACE, DualLayer
+from navbench.controllers.lei2014.hits import Hits
+from navbench.controllers.lei2014.rules import (
     AZIMUTHS,
     BEHAVIORS,
     STARTS,

@@ -11,10 +11,9 @@ import pytest
 
 from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
-from navbench.controllers import nemeiksis2019_blocks as blocks
-from navbench.controllers import nemeiksis2019_switch as switch
-from navbench.controllers.multi_agent import SENSOR_ROLES, TRACE, MultiAgent, deviation, wheel_speeds
-from navbench.controllers.nemeiksis2019_switch import DESTINATION, LEFT, OBSTACLE, PATTERNS, RIGHT, WALL
+from navbench.controllers.nemeiksis2019 import blocks, switch
+from navbench.controllers.nemeiksis2019.multi_agent import SENSOR_ROLES, TRACE, MultiAgent, deviation, wheel_speeds
+from navbench.controllers.nemeiksis2019.switch import DESTINATION, LEFT, OBSTACLE, PATTERNS, RIGHT, WALL
 
 FAR_M, SEEN_M = 1.0, 0.3  # a sensor that sees nothing, and one that sees something
 V_MAX = 0.67

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from navbench.cli.configuration import compose_cell
-from navbench.controllers.nemeiksis2019_switch import DESTINATION, OBSTACLE, WALL
+from navbench.controllers.nemeiksis2019.switch import DESTINATION, OBSTACLE, WALL
 from navbench.experiments.cells import Cell
 from navbench.mathematics.geometry import distance_to_nearest
 from navbench.records import RobotRecord

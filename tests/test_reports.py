@@ -16,7 +16,7 @@ from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store
 
 from navbench.analysis.claims import Measured
 from navbench.analysis.stored import Reading
-from navbench.controllers.sflc import RULES, Sflc
+from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.experiments.engines import in_processes
 from navbench.experiments.store import Results
 from navbench.records import RobotRecord, StudyCell

@@ -186,7 +186,7 @@ def test_the_manifest_says_what_ran_with_what_and_where_the_numbers_come_from(on
     assert configuration["start_jitter_m"] == 0.05
     assert configuration["sensors"]["noise_std_m"] == 0.005
     assert configuration["world"]["time_limit_s"] == 20.0
-    assert configuration["controller"]["build"]["_target_"] == "navbench.controllers.sflc.Sflc"
+    assert configuration["controller"]["build"]["_target_"] == "navbench.controllers.aouf2019.sflc.Sflc"
     assert entry["sources"]["robot"]["radius_m"]
 
 

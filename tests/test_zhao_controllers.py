@@ -10,11 +10,11 @@ import pytest
 
 from navbench.cli.configuration import compose_cell, compose_run
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
-from navbench.controllers import zhao2017
-from navbench.controllers.oa_to import R_SHOWN_MAX_S, OaTo
-from navbench.controllers.zhao2017 import AHEAD, ASTERN, LEFT, NO_SENSOR, NO_SITUATION, RIGHT, SENSOR_ROLES
-from navbench.controllers.zhao2017_sets import DANGERS, DIRECTIONS, DISTANCES, SPEEDS, TURNS, UNIVERSES
-from navbench.controllers.zhao2018_genes import MEMBERSHIP_GENES, RULE_GENES, Repair
+from navbench.controllers.zhao2017 import decisions as zhao2017
+from navbench.controllers.zhao2017.decisions import AHEAD, ASTERN, LEFT, NO_SENSOR, NO_SITUATION, RIGHT, SENSOR_ROLES
+from navbench.controllers.zhao2017.oa_to import R_SHOWN_MAX_S, OaTo
+from navbench.controllers.zhao2017.sets import DANGERS, DIRECTIONS, DISTANCES, SPEEDS, TURNS, UNIVERSES
+from navbench.controllers.zhao2018.genes import MEMBERSHIP_GENES, RULE_GENES, Repair
 from navbench.fuzzy.inference import memberships
 
 ANGLES_DEG = [0, 22.5, -22.5, 45, -45, 67.5, -67.5, 90, -90, 112.5, -112.5, 135, -135, 157.5, -157.5, 180]

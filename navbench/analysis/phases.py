@@ -30,7 +30,7 @@ def phases(way: "pd.DataFrame", outcome: str) -> list[Phase]:
     "follow": wall following begins. "release": it ends. "reach": the goal is reached.
 
     Args:
-        way: the trajectory with the trace of ``controllers/aouf2019.py``.
+        way: the trajectory with the trace of ``controllers/aouf2019/equations.py``.
         outcome: the robot's outcome.
     """
     acted = way.iloc[:-1]  # at the end the controller acted no more

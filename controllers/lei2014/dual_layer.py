@@ -31,10 +31,10 @@ from navbench.contract import Command, Observation, Setup
 from navbench.fuzzy.inference import FuzzyInference, memberships
 from navbench.validation import STRICT, Flag, Positive, describe, remembered
 
-from .lei2014 import azimuth, danger_controller, directional_danger
-from .lei2014_hits import Hits
-from .lei2014_rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
-from .lei2014_sets import FuzzySets, velocity_controller
+from .danger import azimuth, danger_controller, directional_danger
+from .hits import Hits
+from .rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
+from .sets import FuzzySets, velocity_controller
 
 TRACE = (
     "lddc",

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from navbench.contract import FloatArray
 
-from .lei2014 import DANGERS
+from .danger import DANGERS
 
 AZIMUTHS = ("L", "C", "R")
 SPEEDS = ("Z", "VS", "S", "F", "VF")

@@ -38,9 +38,9 @@ from navbench.contract import Command, Observation, Setup
 from navbench.fuzzy.inference import FuzzyInference
 from navbench.validation import STRICT, Number, Positive, describe, remembered
 
-from .zhao2017 import SENSOR_ROLES, commanded
-from .zhao2017_fuzzy import described, oa_flc, to_flc
-from .zhao2017_sets import OaMemberships, OaRules, ToMemberships, ToRules
+from .decisions import SENSOR_ROLES, commanded
+from .fuzzy import described, oa_flc, to_flc
+from .sets import OaMemberships, OaRules, ToMemberships, ToRules
 
 R_SHOWN_MAX_S = 1000.0  # what the trace shows for a greater R, infinity included: a trace is finite
 

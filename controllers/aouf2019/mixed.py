@@ -14,8 +14,8 @@ import numpy as np
 from navbench.contract import Command, Observation, Setup
 from navbench.validation import describe
 
-from .aouf2019 import FOLLOW_WALL, GO_TO_GOAL, SENSOR_ROLES
-from .aouf2019_behaviors import Behaviors
+from .behaviors import Behaviors
+from .equations import FOLLOW_WALL, GO_TO_GOAL, SENSOR_ROLES
 from .pid import Law, PidLaw
 from .sflc import same_fuzzy_controller
 

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import get_type_hints
 
-from .zhao2017_sets import DANGERS, DIRECTIONS, SPEEDS, UNIVERSES, OaMemberships, Universe
+from ..zhao2017.sets import DANGERS, DIRECTIONS, SPEEDS, UNIVERSES, OaMemberships, Universe
 
 GAP = 0.01  # of a variable's range, assumed: between peaks, and from a peak to its feet; neighbours overlap by half
 SLACK = 1.0 - 1e-9  # a gap that rounding has made this much narrower is whole

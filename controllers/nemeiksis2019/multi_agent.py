@@ -46,8 +46,8 @@ from pydantic.dataclasses import dataclass
 from navbench.contract import Command, FloatArray, Observation, Setup
 from navbench.validation import STRICT, Flag, Positive, describe
 
-from .nemeiksis2019_blocks import answer, fuzzy_blocks
-from .nemeiksis2019_switch import FRONT, LEFT, SwitchUnit, describe_modes, describe_patterns, pattern_of
+from .blocks import answer, fuzzy_blocks
+from .switch import FRONT, LEFT, SwitchUnit, describe_modes, describe_patterns, pattern_of
 
 SENSOR_ROLES = tuple(f"s{i}" for i in range(1, 11))
 TRACE = (

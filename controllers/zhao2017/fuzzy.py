@@ -18,7 +18,7 @@ from typing import Any
 
 from navbench.fuzzy.inference import FuzzyInference, Term, Variable, memberships
 
-from .zhao2017_sets import (
+from .sets import (
     UNIVERSES,
     First,
     Last,

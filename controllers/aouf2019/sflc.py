@@ -32,8 +32,8 @@ from navbench.contract import Command, Observation, Setup
 from navbench.fuzzy.inference import FuzzyInference, Variable, memberships
 from navbench.validation import STRICT, Number, describe, remembered
 
-from .aouf2019 import SENSOR_ROLES
-from .aouf2019_behaviors import Behaviors
+from .behaviors import Behaviors
+from .equations import SENSOR_ROLES
 
 # Table 2: heading error, linear velocity, angular velocity.
 RULES = (

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 from navbench.contract import Observation, Setup
 from navbench.validation import STRICT, NonNegative, Positive, Probability, describe
 
-from .aouf2019 import BEHAVIOR, PROGRESS_DISTANCE, SENSOR_ROLES, THRESHOLDS, TRACE, step
+from .equations import BEHAVIOR, PROGRESS_DISTANCE, SENSOR_ROLES, THRESHOLDS, TRACE, step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)

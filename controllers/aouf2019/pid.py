@@ -34,8 +34,8 @@ from navbench.contract import Command, Observation, Setup
 from navbench.mathematics.geometry import wrap_angle
 from navbench.validation import STRICT, NonNegative, Positive, describe
 
-from .aouf2019 import SENSOR_ROLES
-from .aouf2019_behaviors import Behaviors
+from .behaviors import Behaviors
+from .equations import SENSOR_ROLES
 
 
 @numba.njit(cache=True)

@@ -15,8 +15,8 @@ from pydantic.dataclasses import dataclass
 from navbench.fuzzy.inference import FuzzyInference, Variable
 from navbench.validation import STRICT, Number, Positive
 
-from .lei2014 import DANGERS, DISTANCE_FACTORS, TIME_FACTORS, between_ends
-from .lei2014_rules import AZIMUTHS, SPEEDS, TURNS, Rule
+from .danger import DANGERS, DISTANCE_FACTORS, TIME_FACTORS, between_ends
+from .rules import AZIMUTHS, SPEEDS, TURNS, Rule
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
