@@ -7,9 +7,11 @@ that was finished, and the same work writes the same bytes.
 import json
 import os
 import platform
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = 1
-PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "pybullet", "hydra-core", "scipy")
 STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
 
 
@@ -61,7 +62,7 @@ class Results:
             "study": study,
             "cells": [_described(cell) for cell in cells],
             "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
-            "versions": {name: version(name) for name in PACKAGES},
+            "versions": _versions(),
             "python": platform.python_version(),
             "platform": f"{platform.system()} {platform.machine()}",
             "began": _now(),
@@ -347,7 +348,17 @@ def _latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
     return pa.Table.from_pylist(rows)
 
 
+def _versions() -> dict[str, str]:
+    """Return the version of navbench and of each package that it depends on here."""
+    names = [re.split(r"[^\w.-]", need, maxsplit=1)[0] for need in requires("navbench") or () if "extra ==" not in need]
+    found = {"navbench": version("navbench")}
+    for name in names:
+        with suppress(PackageNotFoundError):  # a package of other systems
+            found[name] = version(name)
+    return found
+
+
 def write_table(file: Path, text: str) -> None:
     """Write a table beside results, whole or not at all."""
     with _Replacing(file) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8", newline="\n")

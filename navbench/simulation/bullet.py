@@ -8,6 +8,7 @@ Round bodies are spheres centred on the sensor plane, where all rays run, so ran
 import ctypes
 import math
 import os
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -37,6 +38,8 @@ from navbench.simulation.rays import Rays
 from navbench.simulation.scene import Scene, prism
 from navbench.world.shapes import Bounds
 
+C_LIBRARY = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
+
 
 @contextmanager
 def _silent(descriptor: int) -> Iterator[None]:
@@ -47,7 +50,7 @@ def _silent(descriptor: int) -> Iterator[None]:
     try:
         yield
     finally:
-        ctypes.CDLL(None).fflush(None)  # into a pipe, the C library holds its text back until now
+        C_LIBRARY.fflush(None)  # into a pipe, the C library holds its text back until now
         os.dup2(kept, descriptor)
         os.close(kept)
 
