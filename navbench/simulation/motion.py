@@ -3,10 +3,10 @@
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.mathematics.geometry import distance_to_nearest, segment_crossing, wrap_angle
 from navbench.mathematics.kinematics import advance_arc, closest_approach, lag_speed, ramp_speed
 
@@ -42,7 +42,7 @@ ROBOT = np.dtype(
 )
 
 
-@numba.njit(cache=True)
+@compiled
 def move(
     robots: RobotArray,
     targets_mps: FloatArray,
@@ -99,7 +99,7 @@ def move(
     return substeps, False, False
 
 
-@numba.njit(cache=True)
+@compiled
 def _move_once(
     robots: RobotArray,
     targets_mps: FloatArray,
@@ -141,7 +141,7 @@ def _move_once(
     return arrived
 
 
-@numba.njit(cache=True)
+@compiled
 def measure_clearance(
     robots: RobotArray, boxes: FloatArray, discs: FloatArray, polygons: FloatArray, radius_m: float
 ) -> float:
@@ -160,7 +160,7 @@ def measure_clearance(
     return least
 
 
-@numba.njit(cache=True)
+@compiled
 def count_clearance(robots: RobotArray) -> None:
     """Count every running robot's present clearance into its least one."""
     for i in range(robots.shape[0]):
@@ -168,7 +168,7 @@ def count_clearance(robots: RobotArray) -> None:
             robots[i].min_clearance_m = min(robots[i].min_clearance_m, robots[i].clearance_m)
 
 
-@numba.njit(cache=True)
+@compiled
 def stop_at_arrival(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     """Set one robot back from the substep's end to the instant at which it arrived."""
     robot = robots[index]
@@ -185,7 +185,7 @@ def stop_at_arrival(robots: RobotArray, index: int, dt_s: float, track_m: float)
     _count(robot, robot.arrival_s - dt_s, track_m)
 
 
-@numba.njit(cache=True)
+@compiled
 def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     """Put one robot back to its pose before the substep, its wheels standing: it is blocked."""
     robot = robots[index]
@@ -194,7 +194,7 @@ def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     robot.left_mps, robot.right_mps = 0.0, 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def other_robots(robots: RobotArray, index: int, radius_m: float) -> FloatArray:
     """Return all robots but one as discs: (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
     discs = np.empty((robots.shape[0] - 1, 5))
@@ -207,7 +207,7 @@ def other_robots(robots: RobotArray, index: int, radius_m: float) -> FloatArray:
     return discs
 
 
-@numba.njit(cache=True)
+@compiled
 def scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> None:
     """Write each robot's x, y in simulation units and the sine and cosine of half its heading."""
     for i in range(robots.shape[0]):
@@ -216,7 +216,7 @@ def scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> N
         poses[i, 2], poses[i, 3] = math.sin(half), math.cos(half)
 
 
-@numba.njit(cache=True)
+@compiled
 def _count(robot: Any, dt_s: float, track_m: float) -> None:
     """Add what the robot covers in this time to its sums; a negative time takes it back."""
     left, right = robot.left_mean_mps, robot.right_mean_mps
@@ -226,7 +226,7 @@ def _count(robot: Any, dt_s: float, track_m: float) -> None:
     robot.turning_rad += abs(right - left) / track_m * dt_s
 
 
-@numba.njit(cache=True)
+@compiled
 def _wheel(
     speed_mps: float, target_mps: float, accel_max_mps2: float, lag_s: float, dt_s: float
 ) -> tuple[float, float]:

@@ -2,10 +2,10 @@
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.mathematics.geometry import box_distance, distance_to_nearest
 from navbench.sensors import Sensors
 
@@ -121,7 +121,7 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
     return along - math.sqrt(square)
 
 
-@numba.njit(cache=True)
+@compiled
 def _decisive(
     robots: NDArray[np.void],
     radius_m: float,
@@ -173,7 +173,7 @@ def _decisive(
     return asked[:count]
 
 
-@numba.njit(cache=True)
+@compiled
 def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: IntArray) -> int:
     """Write the numbers of the boxes that come this near to a point, and return how many do."""
     count = 0
@@ -184,7 +184,7 @@ def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: In
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _circles_within(
     x: float,
     y: float,
@@ -216,7 +216,7 @@ def _circles_within(
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_circle(
     ax: float,
     ay: float,
@@ -253,7 +253,7 @@ def _enters_circle(
     return low, high if high < 1.0 else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_box(
     ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float, enough: float
 ) -> tuple[float, float]:
@@ -265,7 +265,7 @@ def _enters_box(
     return low, high if high < 1.0 else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float) -> float:
     """Return at which share of the way from a along u a box larger by a hair is entered, 0 from inside, or infinity."""
     dx, dy = ax - boxes[box, 0], ay - boxes[box, 1]
@@ -286,7 +286,7 @@ def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray,
     return low if low <= high else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _bury(
     ranges: FloatArray,
     rays: NDArray[np.void],
