@@ -15,9 +15,11 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from navbench.contract import Controller
 from navbench.records import Names
 from navbench.sensors import Sensors
+from navbench.simulation.base import Simulator
 from navbench.validation import DescriptionError
 
 CLASS = "must name a class with reset(setup, rng) and act(observation), as module.Class"
+SIMULATOR = "must name a subclass of navbench.simulation.base.Simulator, as module.Class"
 
 
 def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Controller]:
@@ -34,7 +36,9 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
     if not isinstance(build, dict) or "_target_" not in build:
         raise DescriptionError(f"controller.build._target_: missing; it {CLASS}")
     parameters = {name: value for name, value in build.items() if name != "_target_"}
-    target = _located(build["_target_"])
+    target = _located(build["_target_"], "controller.build", CLASS)
+    if inspect.isclass(target) and not (hasattr(target, "reset") and hasattr(target, "act")):
+        raise DescriptionError(f"controller.build._target_={build['_target_']}: {CLASS}")
     _check_finite("controller.build", parameters)
     _check_parameters(target, parameters)
     try:
@@ -58,21 +62,35 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
     return partial(target, **parameters)  # made for each episode anew
 
 
-def _located(target: Any) -> Callable[..., Any]:
-    """Return what a dotted name stands for."""
-    complaint = f"controller.build._target_={target}:"
+def simulator_class(target: Any) -> type[Simulator]:
+    """Return the class of a simulator.
+
+    Args:
+        target: its dotted name, the configuration's ``simulator._target_``.
+
+    Raises:
+        DescriptionError: it names no such class.
+    """
+    found: type[Simulator] = _located(target, "simulator", SIMULATOR)
+    if not (inspect.isclass(found) and issubclass(found, Simulator)):
+        raise DescriptionError(f"simulator._target_={target}: {SIMULATOR}")
+    return found
+
+
+def _located(target: Any, key: str, wanted: str) -> Any:
+    """Return what a dotted name stands for, the ``_target_`` at a key."""
+    complaint = f"{key}._target_={target}:"
     module, _, name = target.rpartition(".") if isinstance(target, str) else ("", "", "")
     if not module or not name:
-        raise DescriptionError(f"{complaint} {CLASS}")
+        raise DescriptionError(f"{complaint} {wanted}")
     try:
         found = getattr(import_module(module), name)
     except Exception as error:  # a user's module may raise anything
         text = " ".join(f"{type(error).__name__}: {error}".split())
         raise DescriptionError(f"{complaint} cannot be imported ({text})") from None
-    lacks = inspect.isclass(found) and not (hasattr(found, "reset") and hasattr(found, "act"))
-    if lacks or not callable(found):
-        raise DescriptionError(f"{complaint} {CLASS}")
-    return found  # type: ignore[no-any-return]
+    if not callable(found):
+        raise DescriptionError(f"{complaint} {wanted}")
+    return found
 
 
 def _check_finite(key: str, value: Any) -> None:

@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from navbench.cli.building import controller_maker
+from navbench.cli.building import controller_maker, simulator_class
 from navbench.cli.catalogue import check_folder
 from navbench.cli.composing import Composed, composing
 from navbench.episode.similarity import Native, Similarity, period_s
@@ -17,8 +17,7 @@ from navbench.experiments.cells import Cell
 from navbench.records import Names
 from navbench.robot import Robot
 from navbench.sensors import Sensors
-from navbench.simulation.bullet import SUBSTEP_RADII
-from navbench.simulation.options import SimulatorOptions
+from navbench.simulation.base import SUBSTEP_RADII
 from navbench.validation import DescriptionError, describe
 from navbench.world.world import World
 
@@ -69,13 +68,18 @@ def cell_of(run: Composed) -> Cell:
     world = describe(World, {**values["world"], "name": names.world}, "world")
     robot = describe(Robot, values["robot"], "robot")
     sensors = describe(Sensors, values["sensors"], "sensors")
-    options = describe(SimulatorOptions, values["simulator"], "simulator")
+    simulator = simulator_class(values["simulator"].get("_target_"))
+    options = describe(
+        simulator.Options, {key: value for key, value in values["simulator"].items() if key != "_target_"}, "simulator"
+    )
     make_controller = controller_maker(values["controller"].get("build"), sensors, names)
     check_fits(world, robot)
     _check_steps(world, robot, native)
+    if options.gui and not simulator.has_window:
+        raise DescriptionError(f"simulator.gui=True: {names.simulator} has no window")
     if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
-    values["simulator"].pop("gui")  # a window changes nothing that is measured
+    values["simulator"].pop("gui", None)  # a window changes nothing that is measured
     kept = (*Names._fields, "start_jitter_m", "start_heading_jitter_rad")
     return Cell(
         names=names,
@@ -86,6 +90,7 @@ def cell_of(run: Composed) -> Cell:
         world=world,
         robot=robot,
         sensors=sensors,
+        simulator=simulator,
         options=options,
         jitter=Jitter(values["start_jitter_m"], values["start_heading_jitter_rad"]),
         episodes=values["episodes"],
