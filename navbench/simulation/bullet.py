@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import distributions
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.records import Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -214,7 +214,7 @@ class BulletSimulator(Simulator):
         pybullet.resetDebugVisualizerCamera(size, 0.0, -89.9, centre, physicsClientId=client)
 
 
-@numba.njit(cache=True)
+@compiled
 def scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> None:
     """Write each robot's x, y in simulation units and the sine and cosine of half its heading."""
     for i in range(robots.shape[0]):

@@ -3,10 +3,10 @@
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.mathematics.geometry import distance_to_nearest, segment_crossing, wrap_angle
 from navbench.mathematics.kinematics import advance_arc, closest_approach, lag_speed, ramp_speed
 
@@ -81,7 +81,7 @@ FIXED = np.dtype(
 )
 
 
-@numba.njit(cache=True)
+@compiled
 def move(
     robots: RobotArray,
     targets_mps: FloatArray,
@@ -123,7 +123,7 @@ def move(
     return substeps, False, False
 
 
-@numba.njit(cache=True)
+@compiled
 def _move_once(robots: RobotArray, targets_mps: FloatArray, fixed: Any, dt_s: float, new_period: bool) -> bool:
     """Move every running robot through one substep and return whether one came to its goal."""
     arrived = False
@@ -155,7 +155,7 @@ def _move_once(robots: RobotArray, targets_mps: FloatArray, fixed: Any, dt_s: fl
     return arrived
 
 
-@numba.njit(cache=True)
+@compiled
 def measure_clearance(
     robots: RobotArray, boxes: FloatArray, discs: FloatArray, polygons: FloatArray, radius_m: float
 ) -> float:
@@ -174,7 +174,7 @@ def measure_clearance(
     return least
 
 
-@numba.njit(cache=True)
+@compiled
 def count_clearance(robots: RobotArray) -> None:
     """Count every running robot's present clearance into its least one."""
     for i in range(robots.shape[0]):
@@ -182,7 +182,7 @@ def count_clearance(robots: RobotArray) -> None:
             robots[i].min_clearance_m = min(robots[i].min_clearance_m, robots[i].clearance_m)
 
 
-@numba.njit(cache=True)
+@compiled
 def stop_at_arrival(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     """Set one robot back from the substep's end to the instant at which it arrived."""
     robot = robots[index]
@@ -199,7 +199,7 @@ def stop_at_arrival(robots: RobotArray, index: int, dt_s: float, track_m: float)
     _count(robot, robot.arrival_s - dt_s, track_m)
 
 
-@numba.njit(cache=True)
+@compiled
 def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     """Put one robot back to its pose before the substep, its wheels standing: it is blocked."""
     robot = robots[index]
@@ -208,7 +208,7 @@ def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
     robot.left_mps, robot.right_mps = 0.0, 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def other_robots(robots: RobotArray, index: int, radius_m: float) -> FloatArray:
     """Return all robots but one as discs: (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
     discs = np.empty((robots.shape[0] - 1, 5))
@@ -221,7 +221,7 @@ def other_robots(robots: RobotArray, index: int, radius_m: float) -> FloatArray:
     return discs
 
 
-@numba.njit(cache=True)
+@compiled
 def _count(robot: Any, dt_s: float, track_m: float) -> None:
     """Add what the robot covers in this time to its sums; a negative time takes it back."""
     left, right = robot.left_mean_mps, robot.right_mean_mps
@@ -231,7 +231,7 @@ def _count(robot: Any, dt_s: float, track_m: float) -> None:
     robot.turning_rad += abs(right - left) / track_m * dt_s
 
 
-@numba.njit(cache=True)
+@compiled
 def _wheel(speed_mps: float, target_mps: float, fixed: Any, dt_s: float) -> tuple[float, float]:
     """Return a wheel's mean and final speed over the substep [m/s]."""
     if fixed.lag_s > 0.0:

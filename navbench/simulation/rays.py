@@ -3,10 +3,10 @@
 import math
 from itertools import pairwise
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.mathematics.geometry import box_distance, distance_to_nearest
 from navbench.sensors import Sensors
 
@@ -117,7 +117,7 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
     return along - math.sqrt(square)
 
 
-@numba.njit(cache=True)
+@compiled
 def _deciding(
     robots: NDArray[np.void],
     radius_m: float,
@@ -170,7 +170,7 @@ def _deciding(
     return asked[:count]
 
 
-@numba.njit(cache=True)
+@compiled
 def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: IntArray) -> int:
     """Write the numbers of the boxes that come this near to a point, and return how many do."""
     count = 0
@@ -181,7 +181,7 @@ def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: In
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _circles_within(
     x: float,
     y: float,
@@ -213,7 +213,7 @@ def _circles_within(
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_circle(
     ax: float,
     ay: float,
@@ -250,7 +250,7 @@ def _enters_circle(
     return low, high if high < 1.0 else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_box(
     ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float, enough: float
 ) -> tuple[float, float]:
@@ -262,7 +262,7 @@ def _enters_box(
     return low, high if high < 1.0 else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float) -> float:
     """Return what share of the ray is free before a box larger by a hair, 0 from inside, or infinity without a hit."""
     dx, dy = ax - boxes[box, 0], ay - boxes[box, 1]
@@ -283,7 +283,7 @@ def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray,
     return low if low <= high else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _blind_inside_things(
     ranges: FloatArray,
     rays: NDArray[np.void],
