@@ -29,7 +29,7 @@ from navbench.validation import DescriptionError
 KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
 CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
 WORLD_SIDE = ("world", "robot", "simulator")  # a world a robot
-FOLDER: ContextVar[str | None] = ContextVar("FOLDER", default=None)
+FOLDER: ContextVar[str | Path | None] = ContextVar("FOLDER", default=None)
 
 
 class Composed(NamedTuple):
@@ -65,7 +65,7 @@ def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
         check_folder(Path(config_dir))
     schema.register()
     Plugins.instance().register(UserFolder)
-    token, before = FOLDER.set(config_dir and str(config_dir)), HydraConfig.instance().cfg
+    token, before = FOLDER.set(config_dir), HydraConfig.instance().cfg
     try:
         with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
             yield Composer()
@@ -100,7 +100,8 @@ class Composer:
                 raise DescriptionError(f"{key_of(word)}: unknown key; the only one of Hydra's own here is {place}")
         jobs = combinations(words) if sweep else [list(words)]
         first = self._whole(name, jobs[0])
-        path = Path(OmegaConf.select(HydraConfig.instance().cfg, place))
+        told = HydraConfig.get()
+        path = Path(told.sweep.dir if sweep else told.run.dir)
         return [first, *(self.values(name, job) for job in jobs[1:])], path
 
     def values(self, name: str, words: Sequence[str]) -> Composed:
@@ -132,7 +133,7 @@ class Composer:
 
     def _config(self, name: str, words: Sequence[str]) -> DictConfig:
         check_words(words)
-        config = compose(name, list(words), return_hydra_config=True)
+        config = compose(name, list(words), return_hydra_config=True)  # which the resolver ``hydra`` reads
         HydraConfig.instance().set_config(config)
         with open_dict(config):
             del config["hydra"]
@@ -191,11 +192,13 @@ def combinations(words: Sequence[str]) -> list[list[str]]:
 def check_words(words: Iterable[str]) -> None:
     """Check the words that choose a file: Hydra takes a null, a number or a list for a slip in the program.
 
+    A name with .yaml Hydra would take, and results would then bear it.
+
     Raises:
         DescriptionError: a word chooses no name.
     """
     for word in words:
-        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
+        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*|.*\.yaml)", word, re.DOTALL)
         if group:
             raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
 
