@@ -1,5 +1,6 @@
 """What is kept of an episode and of the cell it belongs to: the words that the loop, the store and the reader share."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
@@ -7,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.mathematics.metrics import Metrics
+from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
-Outcome = Literal["reached", "collided", "timed_out", "controller_error"]
+Outcome = Literal["reached", "collided", "timed_out", "controller_error", "no_layout"]
 
 
 class RobotRecord(NamedTuple):
@@ -17,7 +19,7 @@ class RobotRecord(NamedTuple):
 
     Attributes:
         robot_index: which robot of the world.
-        outcome: "reached", "collided", "timed_out" or "controller_error".
+        outcome: "reached", "collided", "timed_out", "controller_error", or "no_layout" where none could be drawn.
         reason: what it hit, or what the controller did; empty where the outcome says all.
         metrics: the metrics.
         states: (n + 1, 6) t [s], x, y [m], heading [rad], v [m/s], w [rad/s] of the world at the beginning of each of
@@ -25,6 +27,7 @@ class RobotRecord(NamedTuple):
         traces: (n + 1, n_names) the controller's trace, native; nan at the end, where it acted no more.
         trace_names: its names.
         latencies_s: (n,) the time of each act on the machine's clock [s].
+        layout: what was driven in; None where nothing was driven.
     """
 
     robot_index: int
@@ -35,6 +38,13 @@ class RobotRecord(NamedTuple):
     traces: FloatArray
     trace_names: tuple[str, ...]
     latencies_s: FloatArray
+    layout: Layout | None = None
+
+    @classmethod
+    def lost(cls, robot_index: int, outcome: Outcome, reason: str) -> "RobotRecord":
+        """Return what is known of a robot of which nothing was recorded."""
+        metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0, 0, 0, math.nan)
+        return cls(robot_index, outcome, reason, metrics, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0))
 
 
 class Names(NamedTuple):

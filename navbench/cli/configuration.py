@@ -4,15 +4,15 @@ import copy
 import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from navbench.cli.building import controller_maker
 from navbench.cli.catalogue import check_folder
 from navbench.cli.composing import Composed, composing
+from navbench.cli.worlds import world_of
 from navbench.episode.similarity import Native, Similarity, period_s
-from navbench.episode.starts import Jitter, check_fits
+from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell
 from navbench.records import Names
 from navbench.robot import Robot
@@ -65,13 +65,12 @@ def cell_of(run: Composed) -> Cell:
     for key in ("tunable", "repair"):
         _take(values["controller"], key, "controller.")  # for a tuning, which reads them for itself
     _check_keys(values["controller"], "controller", ("build", "native", "sources"))
-    _check_keys(values["world"], "world", [item.name for item in fields(World) if item.name != "name"])
-    world = describe(World, {**values["world"], "name": names.world}, "world")
+    world, values["world"] = world_of(values["world"], names.world)
     robot = describe(Robot, values["robot"], "robot")
     sensors = describe(Sensors, values["sensors"], "sensors")
     options = describe(SimulatorOptions, values["simulator"], "simulator")
     make_controller = controller_maker(values["controller"].get("build"), sensors, names)
-    check_fits(world, robot)
+    world.check_fits(robot.radius_m)
     _check_steps(world, robot, native)
     if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
@@ -111,10 +110,7 @@ def _check_run(values: Mapping[str, Any], keys: Sequence[str]) -> None:
 
 def _check_steps(world: World, robot: Robot, native: Native | None) -> None:
     """Check that an episode ends within a number of periods and substeps that a machine can bear."""
-    speeds = [speed for mover in world.movers for speed in mover.speeds_mps]
-    if world.layout is not None and world.layout.movers is not None:
-        speeds.append(world.layout.movers.speed_mps[1])
-    fastest = max(robot.wheel_speed_max_mps, *speeds, 0.0)
+    fastest = max(robot.wheel_speed_max_mps, world.fastest_mps)
     period = period_s(native, Similarity.between(robot, native))
     step_s = min(period, SUBSTEP_RADII * robot.radius_m / fastest)
     if not world.time_limit_s <= STEPS_MAX * step_s:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
 from navbench.episode.perception import Perception
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
-from navbench.episode.starts import Jitter, check_fits, draw_starts
+from navbench.episode.starts import Jitter, draw_starts
 from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
 from navbench.mathematics.streams import stream
 from navbench.records import Outcome, RobotRecord
@@ -82,7 +82,7 @@ class EpisodeRunner:
         jitter: of the starts.
 
     Raises:
-        DescriptionError: these do not fit together (see ``check_fits``).
+        DescriptionError: these do not fit together (see ``World.check_fits``).
     """
 
     def __init__(
@@ -96,10 +96,9 @@ class EpisodeRunner:
         seed: int,
         jitter: Jitter,
     ) -> None:
-        check_fits(world, robot)
+        world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed = make_controller, seed
-        self._scene = Scene(world)
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
@@ -122,7 +121,10 @@ class EpisodeRunner:
         Args:
             episode: its index, which names its streams.
         """
-        starts = self.starts(episode)
+        try:
+            starts = self.starts(episode)
+        except DescriptionError as error:  # one bad draw costs its episode, not the study
+            return [RobotRecord.lost(i, "no_layout", str(error)) for i in range(self._template.robots)]
         simulator, time_limit_s = self._simulator, self._template.time_limit_s
         simulator.reset(self._scene, starts)
         pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
@@ -241,7 +243,7 @@ class EpisodeRunner:
             goal_distance_m=math.hypot(goal.x_m - row[0], goal.y_m - row[1]),
         )
         latencies = np.array(pilot.latencies_s)
-        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, names, latencies)
+        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, names, latencies, self._scene.world)
 
 
 def _reason(error: BaseException) -> str:

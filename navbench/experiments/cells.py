@@ -3,20 +3,16 @@
 import copy
 import hashlib
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from navbench.contract import Controller
 from navbench.episode.loop import EpisodeRunner
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
-from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -160,16 +156,9 @@ def _pieces(batch: Batch) -> list[Batch]:
 
 def _lost(batch: Batch) -> list[tuple[int, RobotRecord]]:
     """Return what is known of episodes whose process died: that it did."""
-    metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0, 0, 0, math.nan)
     reason = "the controller's process died"
-    return [
-        (
-            episode,
-            RobotRecord(i, "controller_error", reason, metrics, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0)),
-        )
-        for episode in batch.episodes
-        for i in range(batch.cell.world.robots)
-    ]
+    robots = range(batch.cell.world.robots)
+    return [(episode, RobotRecord.lost(i, "controller_error", reason)) for episode in batch.episodes for i in robots]
 
 
 def _join(parts: Sequence[list[tuple[int, RobotRecord]]]) -> list[tuple[int, RobotRecord]]:

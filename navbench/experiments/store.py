@@ -4,6 +4,7 @@ A part is written under a temporary name and renamed, and its name depends only 
 that was finished, and the same work writes the same bytes.
 """
 
+import hashlib
 import json
 import os
 import platform
@@ -17,6 +18,7 @@ import numpy as np
 
 from navbench.records import CellKey, RobotRecord, StudyCell, TuningKey
 from navbench.validation import DescriptionError
+from navbench.world.layout import layout_id
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +83,7 @@ class Results:
         """Remove what was written of a run of which no batch was finished."""
         if any((self.path / "episodes").glob("part-*.parquet")):
             return
-        for kind in ("latency", "trajectories", "episodes"):
+        for kind in ("latency", "trajectories", "layouts", "episodes"):
             for part in (self.path / kind).glob("part-*.parquet"):
                 part.unlink()
             discard_empty(self.path / kind, self.path.absolute())
@@ -108,7 +110,7 @@ class Results:
     def write_batch(
         self, cell: CellKey, episodes: range, records: Iterable[tuple[int, RobotRecord]], trajectories: bool = True
     ) -> None:
-        """Write a batch's episodes, trajectories and latencies, each as one part, the episodes last.
+        """Write a batch's layouts, episodes, trajectories and latencies, each as one part, the episodes last.
 
         Args:
             cell: the cell that they belong to.
@@ -118,10 +120,34 @@ class Results:
         """
         ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
         name = batch_name(cell, episodes)
+        ids = self._write_layouts(ordered)
         self._write_table(f"latency/{name}", _latency_table(cell, ordered))
         if trajectories:
             self._write_table(f"trajectories/{name}", _trajectory_table(cell, ordered))
-        self._write_table(f"episodes/{name}", _episode_table(cell, ordered))
+        self._write_table(f"episodes/{name}", _episode_table(cell, ordered, ids))
+
+    def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> dict[int, str]:
+        """Write the geometry of the layouts that were driven, and return each episode's layout by its id.
+
+        A part is named by what it holds, so that a fixed world's layout is kept once, however many batches and
+        controllers drive in it, and so are the layouts that several controllers meet.
+        """
+        import pyarrow as pa
+
+        made: dict[int, str] = {}  # a fixed world's layout is one object in all episodes
+        ids, texts = {}, {}
+        for episode, record in records:
+            if record.layout is not None and episode not in ids:
+                if id(record.layout) not in made:
+                    text = record.layout.to_json()
+                    made[id(record.layout)] = layout_id(text)
+                    texts[layout_id(text)] = text
+                ids[episode] = made[id(record.layout)]
+        if texts:
+            name = f"layouts/part-{hashlib.sha256(''.join(sorted(texts)).encode()).hexdigest()[:16]}.parquet"
+            if not (self.path / name).is_file():
+                self._write_table(name, pa.table({"layout_id": list(texts), "layout": list(texts.values())}))
+        return ids
 
     def write_evaluations(self, tuning: TuningKey, columns: Mapping[str, Any]) -> None:
         """Write what a tuning evaluated: one row an evaluation, in order.
@@ -168,6 +194,11 @@ class Results:
     def trajectories(self, run_id: str = "") -> "pd.DataFrame":
         """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time."""
         return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id)
+
+    def layouts(self) -> dict[str, str]:
+        """Return the layouts that were driven: each one's JSON by its id."""
+        tables = [_table_of(part) for part in sorted((self.path / "layouts").glob("part-*.parquet"))]
+        return {row["layout_id"]: row["layout"] for table in tables for row in table.to_pylist()}
 
     def latency(self) -> "pd.DataFrame":
         """Return how long the controllers took: one row a robot and episode."""
@@ -284,7 +315,7 @@ def _described(cell: StudyCell) -> dict[str, Any]:
     }
 
 
-def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]) -> "pa.Table":
     import pyarrow as pa
 
     rows = [
@@ -298,6 +329,7 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
             "outcome": record.outcome,
             "reason": record.reason,
             **record.metrics._asdict(),
+            "layout_id": layouts.get(episode, ""),
         }
         for episode, record in records
     ]

@@ -160,7 +160,7 @@ class Evaluation(NamedTuple):
     """What one point cost.
 
     Attributes:
-        cost: the mean over all robots and episodes.
+        cost: the mean over all robots and episodes that had a layout; infinite without any.
         reached: how many robots reached their goals.
         robots: of how many.
     """
@@ -295,13 +295,15 @@ def _evaluate(
         seed = int(np.random.SeedSequence([tuning.seed, index]).generate_state(1, np.uint64)[0] % SEEDS_MAX)
         parameters = tuning.parameters(point)
         costs: list[float] = []
-        reached = 0
+        reached = robots = 0
         for cell, runner in zip(tuning.cells, runners, strict=True):
             runner.make_controller = cell.with_parameters(parameters).make_controller
             runner.seed = seed
             for episode in range(cell.episodes):
                 for record in runner.run(episode):
-                    costs.append(tuning.objective.cost(record))
+                    robots += 1
                     reached += record.outcome == "reached"
-        evaluations.append(Evaluation(math.fsum(costs) / len(costs), reached, len(costs)))
+                    if record.outcome != "no_layout":  # in which the parameters had no part
+                        costs.append(tuning.objective.cost(record))
+        evaluations.append(Evaluation(math.fsum(costs) / len(costs) if costs else math.inf, reached, robots))
     return evaluations

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from navbench.mathematics.geometry import distance_to_nearest
 from navbench.world.shapes import mover_tables, place_movers
-from navbench.world.world import World
+from navbench.world.layout import DrawnWorld
 
 FloatArray = NDArray[np.float64]
 
@@ -14,20 +14,20 @@ class Scene:
     """Everything in a world but its robots, at time 0 until ``move_to`` says otherwise.
 
     Attributes:
-        world: the world.
-        boxes: (n, 6) as in ``World.box_rows``.
-        discs: (m, 5) as in ``World.disc_rows``, changed in place.
-        polygons: (l, 5 + 2 k) as in ``World.polygon_rows``, changed in place.
+        world: the layout, with its world's name, goal tolerance and time limit.
+        boxes: (n, 6) as in ``Layout.box_rows``.
+        discs: (m, 5) as in ``Layout.disc_rows``, changed in place.
+        polygons: (l, 5 + 2 k) as in ``Layout.polygon_rows``, changed in place.
         finish_line: (4,) its ends x1, y1, x2, y2 [m], or (0,) for none.
         fastest_mps: the largest speed of any mover [m/s].
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: DrawnWorld) -> None:
         self.world = world
         self.boxes, self.discs, self.polygons = world.box_rows(), world.disc_rows(), world.polygon_rows()
         line = world.finish_line
         self.finish_line = np.array([] if line is None else [line.x1_m, line.y1_m, line.x2_m, line.y2_m])
-        self.fastest_mps = max((max(mover.speeds_mps) for mover in world.movers), default=0.0)
+        self.fastest_mps = world.fastest_mps
         self._round_tables = mover_tables(world.round_movers())
         self._outlined_tables = mover_tables(world.outlined_movers())
 
