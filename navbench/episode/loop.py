@@ -22,6 +22,7 @@ from navbench.sensors import Sensors
 from navbench.simulation.bullet import Simulator
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.scene import Scene
+from navbench.validation import DescriptionError
 from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
