@@ -6,7 +6,7 @@ import json
 import math
 import re
 import typing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -104,6 +104,13 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
     if lacks or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     return found  # type: ignore[no-any-return]
+
+
+def check_keys(values: Iterable[str], key: str, allowed: Sequence[str]) -> None:
+    """Check the names of what stands at a key; raises ``DescriptionError``."""
+    for name in values:
+        if name not in allowed:
+            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}")
 
 
 def _check_finite(key: str, value: Any) -> None:

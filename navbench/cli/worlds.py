@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from navbench.cli.building import located, made
+from navbench.cli.building import check_keys, located, made
 from navbench.validation import DescriptionError, describe
 from navbench.world.layout import Layout
 from navbench.world.world import World
@@ -64,10 +64,3 @@ def _inner(key: str, value: Any) -> Any:
         inner = {name: _inner(f"{key}.{name}", one) for name, one in value.items() if name != "_target_"}
         return source_of(key, value, ()) if "_target_" in value else inner
     return [_inner(f"{key}[{i}]", one) for i, one in enumerate(value)] if isinstance(value, list) else value
-
-
-def check_keys(values: Mapping[str, Any], key: str, allowed: Any) -> None:
-    """Check the names of some values; raises ``DescriptionError``."""
-    for name in values:
-        if name not in allowed:
-            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}")
