@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import Reading
+from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
-from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.records import CellKey, Names, RobotRecord, StudyCell, Thing, TuningKey
 
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]
@@ -28,22 +29,35 @@ WORLD = {
 }
 ROBOT = {"radius_m": 0.1, "track_m": 0.15, "wheel_speed_max_mps": 0.5, "wheel_accel_max_mps2": None}
 CROSSING: dict[str, Any] = {  # two robots change places among what is drawn anew for each episode
-    "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
-    "layout": {
+    "source": {
+        "_target_": "navbench.world.generators.Scattered",
+        "base": {
+            "_target_": "navbench.world.Layout",
+            "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
+            "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
+            "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
+        },
         "gap_m": 0.5,
-        "discs": {"count": [2, 3], "radius_m": [0.4, 0.8]},
-        "polygons": {"count": [1, 2], "radius_m": [0.5, 0.9], "corners": [3, 6]},
-        "movers": {
-            "count": [2, 3],
-            "radius_m": [0.3, 0.6],
-            "speed_mps": [0.2, 0.8],
-            "leg_m": [2.0, 8.0],
-            "polygon_share": 0.5,
-            "corners": [3, 5],
+        "parts": {
+            "discs": {"_target_": "navbench.world.generators.Discs", "count": [2, 3], "radius_m": [0.4, 0.8]},
+            "polygons": {
+                "_target_": "navbench.world.generators.Polygons",
+                "count": [1, 2],
+                "radius_m": [0.5, 0.9],
+                "corners": [3, 6],
+            },
+            "movers": {
+                "_target_": "navbench.world.generators.Wander",
+                "count": [2, 3],
+                "radius_m": [0.3, 0.6],
+                "speed_mps": [0.2, 0.8],
+                "leg_m": [2.0, 8.0],
+                "polygon_share": 0.5,
+                "corners": [3, 5],
+                "duration_s": LIMIT_S,
+            },
         },
     },
-    "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
-    "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
     "goal_tolerance_m": 0.2,
     "time_limit_s": LIMIT_S,
 }
@@ -70,7 +84,7 @@ def a_drive(
     v_mps: Sequence[float],
     outcome: Any = "reached",
     index: int = 0,
-    reason: str = "",
+    hit: Thing | None = None,
     places: Sequence[tuple[float, float]] | None = None,
     contacts: tuple[int, int, int] = (0, 0, 0),
     time_s: float | None = None,
@@ -82,7 +96,7 @@ def a_drive(
         v_mps: its speed in each period; as in a run, the last one is repeated at the end, where no trace is left.
         outcome: how it ended.
         index: which robot.
-        reason: what it hit.
+        hit: what it hit.
         places: where it was at the beginning of each period and at the end.
         contacts: all its contacts, those with robots, and those while it stood.
         time_s: when it ended; without it, after the last period.
@@ -96,7 +110,7 @@ def a_drive(
     traces = np.array([[*values, math.nan] for values in trace.values()]).reshape(len(trace), count + 1).T
     end_s = float(count) if time_s is None else time_s
     metrics = Metrics(1.0, end_s, contacts[0], 0.1, 1.0 / end_s, 1.0, 0.5, 2, *contacts[1:], 0.0)
-    return RobotRecord(index, outcome, reason, metrics, states, traces, tuple(trace), np.full(count, 1e-5))
+    return RobotRecord(index, outcome, "", metrics, states, traces, tuple(trace), np.full(count, 1e-5), hit)
 
 
 def a_cell(
@@ -152,7 +166,12 @@ def store(
     results.begin([cell for cell, _ in cells], tunings, study)
     for cell, records in cells:
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
-        pairs = [(episode, record) for episode, fleet in enumerate(fleets) for record in fleet]
+        world, _ = world_of(cell.key.configuration["world"], cell.key.names.world)
+        pairs = [
+            (episode, record._replace(layout=world.drawn_for(cell.key.seed, episode)))
+            for episode, fleet in enumerate(fleets)
+            for record in fleet
+        ]
         results.write_batch(cell.key, range(len(records)), pairs)
     for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
         columns = {

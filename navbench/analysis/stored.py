@@ -113,7 +113,7 @@ class Reading:
     @cached_property
     def _layout_ids(self) -> dict[tuple[str, int], str]:
         rows = self.results.episodes()
-        return {(run, episode): layout for run, episode, layout in rows[["run_id", "episode", "layout_id"]].itertuples(index=False)}
+        return dict(zip(zip(rows["run_id"], rows["episode"], strict=True), rows["layout_id"], strict=True))
 
     @cached_property
     def labels(self) -> list[str]:

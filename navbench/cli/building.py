@@ -16,9 +16,11 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from navbench.contract import Controller
 from navbench.records import Names
 from navbench.sensors import Sensors
+from navbench.simulation.base import Simulator
 from navbench.validation import DescriptionError
 
 CONTROLLER = ("reset(setup, rng)", "act(observation)")
+SIMULATOR = "must name a subclass of navbench.simulation.base.Simulator, as module.Class"
 
 
 def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Controller]:
@@ -46,6 +48,21 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
             f"this suite has {_few(offered)}"
         )
     return maker
+
+
+def simulator_class(target: Any) -> type[Simulator]:
+    """Return the class of a simulator.
+
+    Args:
+        target: its dotted name, the configuration's ``simulator._target_``.
+
+    Raises:
+        DescriptionError: it names no such class.
+    """
+    found = located("simulator._target_", target, ())
+    if not (inspect.isclass(found) and issubclass(found, Simulator)):
+        raise DescriptionError(f"simulator._target_={target}: {SIMULATOR}")
+    return found
 
 
 def made(key: str, build: Any, methods: Sequence[str]) -> Any:
@@ -86,7 +103,7 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
 
 
 def _kind(methods: Sequence[str]) -> str:
-    return f"must name a class with {' and '.join(methods)}, as module.Class"
+    return f"must name a class{' with ' if methods else ''}{' and '.join(methods)}, as module.Class"
 
 
 def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]:
@@ -137,9 +154,7 @@ def _check_parameters(key: str, target: Callable[..., Any], parameters: Mapping[
     free = any(parameter.kind is kinds.VAR_KEYWORD for parameter in signature.parameters.values())
     for name in parameters:
         if name not in named and not free:
-            raise DescriptionError(
-                f"{key}.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}"
-            )
+            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}")
     for name, parameter in named.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise DescriptionError(f"{key}.{name}: missing; a value is needed")

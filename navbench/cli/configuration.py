@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from navbench.cli.building import check_keys, controller_maker
+from navbench.cli.building import check_keys, controller_maker, simulator_class
 from navbench.cli.composing import Composed, composing
 from navbench.cli.worlds import world_of
 from navbench.episode.similarity import Native, Similarity, period_s
@@ -15,8 +15,7 @@ from navbench.experiments.cells import Cell
 from navbench.records import Names
 from navbench.robot import Robot
 from navbench.sensors import Sensors
-from navbench.simulation.bullet import SUBSTEP_RADII
-from navbench.simulation.options import SimulatorOptions
+from navbench.simulation.base import SUBSTEP_RADII
 from navbench.validation import DescriptionError, describe
 from navbench.world.world import World
 
@@ -62,11 +61,14 @@ def cell_of(run: Composed) -> Cell:
     world, groups["world"] = world_of(groups["world"], names.world)
     robot = describe(Robot, groups["robot"], "robot")
     sensors = describe(Sensors, groups["sensors"], "sensors")
-    options = describe(SimulatorOptions, groups["simulator"], "simulator")
+    simulator = simulator_class(groups["simulator"].get("_target_"))
+    options = describe(simulator.Options, without(groups["simulator"], "_target_"), "simulator")
     groups["simulator"] = without(groups["simulator"], "gui")  # a window changes nothing that is measured
     make_controller = controller_maker(controller.get("build"), sensors, names)
     world.check_fits(robot.radius_m)
     _check_steps(world, robot, native)
+    if options.gui and not simulator.has_window:
+        raise DescriptionError(f"simulator.gui=True: {names.simulator} has no window")
     if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
     jitter = {key: run.values[key] for key in ("start_jitter_m", "start_heading_jitter_rad")}
@@ -79,6 +81,7 @@ def cell_of(run: Composed) -> Cell:
         world=world,
         robot=robot,
         sensors=sensors,
+        simulator=simulator,
         options=options,
         jitter=Jitter(*jitter.values()),
         episodes=run.values["episodes"],

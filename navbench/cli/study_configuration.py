@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
@@ -104,9 +103,7 @@ class StudyFile:
     report: tuple[Mapping[str, Any], ...] = ()
 
 
-def compose_tuning(
-    overrides: Sequence[str], config_dir: str | Path | None = None
-) -> tuple[Tuning, Path, int | None]:
+def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = None) -> tuple[Tuning, Path, int | None]:
     """Return the tuning that the command line's words describe, where its results go, and with how many workers.
 
     Raises:

@@ -8,7 +8,7 @@ from navbench.mathematics.geometry import wrap_angle
 from navbench.mathematics.streams import stream
 from navbench.simulation.scene import Scene
 from navbench.validation import DescriptionError
-from navbench.world.layout import Start
+from navbench.world.layout import DrawnWorld, Start
 
 DRAWS_MAX = 1000  # a start that stays in contact this often has no free place within its jitter
 
@@ -20,13 +20,13 @@ class Jitter(NamedTuple):
     heading_rad: float = 0.0
 
 
-def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
+def draw_starts(world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
     """Return a pose for each of the world's starts, moved at random, drawn again while in contact.
 
     A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
 
     Args:
-        scene: the world at time 0.
+        world: the world as drawn for the episode.
         radius_m: every robot's hull [m].
         jitter: how far the starts are moved.
         seed: of the streams.
@@ -35,7 +35,7 @@ def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episod
     Raises:
         DescriptionError: a robot finds no free place, or the layout does not fit it (see ``Layout.check_fits``).
     """
-    world = scene.world
+    scene = Scene(world)
     world.check_fits(radius_m, world.goal_tolerance_m)
     poses: list[Pose] = []
     for i, start in enumerate(world.starts):
@@ -51,15 +51,13 @@ def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episod
                 poses.append(pose)
                 break
         else:
-            raise DescriptionError(
-                f"start_jitter_m={jitter.position_m}: no free place within it of starts[{i}]"
-            )
+            raise DescriptionError(f"start_jitter_m={jitter.position_m}: no free place within it of starts[{i}]")
     return poses
 
 
 def _reachable(scene: Scene, start: Start, pose: Pose, radius_m: float) -> bool:
     """Return whether a drawn start lies inside the bounds and on the same side of everything as the world's own."""
-    if not scene.world.bounds.hold(pose.x_m, pose.y_m):
+    if not scene.layout.bounds.hold(pose.x_m, pose.y_m):
         return False
     dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
     steps = math.ceil(math.hypot(dx, dy) / (0.25 * radius_m))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = 1
-PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "pybullet", "hydra-core", "scipy")
+PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "hydra-core", "scipy")
 STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
 
 
@@ -63,7 +63,9 @@ class Results:
             "study": study,
             "cells": [_described(cell) for cell in cells],
             "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
-            "versions": {name: version(name) for name in PACKAGES},
+            "versions": {
+                name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.key.packages)})
+            },
             "python": platform.python_version(),
             "platform": f"{platform.system()} {platform.machine()}",
             "began": _now(),
@@ -328,6 +330,8 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], la
             "robot_index": record.robot_index,
             "outcome": record.outcome,
             "reason": record.reason,
+            "hit": "" if record.hit is None else record.hit.kind,
+            "hit_index": -1 if record.hit is None else record.hit.index,
             **record.metrics._asdict(),
             "layout_id": layouts.get(episode, ""),
         }

@@ -13,8 +13,8 @@ from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
-from navbench.world.shapes import Mover
 from navbench.world.layout import DrawnWorld
+from navbench.world.shapes import Mover
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +25,13 @@ FloatArray = NDArray[np.float64]
 
 OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
 MOVER_EDGE = "#5e3f96"
-COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad", "no_layout": "#7f7f7f"}
+COLOURS = {
+    "reached": "#1b7f5a",
+    "collided": "#c1121f",
+    "timed_out": "#b5651d",
+    "controller_error": "#6a0dad",
+    "no_layout": "#7f7f7f",
+}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
 PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness

@@ -88,7 +88,11 @@ def outcomes_table(
             counts = [int((runs["outcome"] == name).sum()) for name in FAILURES]
             time_s, length_m = good["time_s"].median(), good["path_length_m"].median()
             raw.append([title, world, len(runs), len(good), *counts, time_s, length_m])
-            failed = [f"{n} {word}" for n, word in zip(counts, ("collided", "timed out", "error", "no layout"), strict=True) if n]
+            failed = [
+                f"{n} {word}"
+                for n, word in zip(counts, ("collided", "timed out", "error", "no layout"), strict=True)
+                if n
+            ]
             row += [f"{len(good)} of {len(runs)}" + (f" ({', '.join(failed)})" if failed else "")]
             row += [number(time_s, 2), number(length_m, 3)]
         rows.append(row)

@@ -272,7 +272,7 @@ def layout_id(text: str) -> str:
 
 def in_common(worlds: "list[DrawnWorld]") -> DrawnWorld:
     """Return what stands and moves in all of some drawn worlds, at least one, within the bounds of the first."""
-    parts = {
+    parts: dict[str, Any] = {
         name: tuple(thing for thing in things if all(thing in getattr(world, name) for world in worlds[1:]))
         for name, things in parts_of(worlds[0]).items()
         if isinstance(things, tuple)

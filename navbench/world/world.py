@@ -22,7 +22,7 @@ class Source(Protocol):
     """What draws layouts, such as a ``Layout``, which is always the same, or a generator.
 
     A source may also say, as ``Layout`` does, how many ``robots`` it draws for (otherwise one is counted where nothing
-    could be drawn), the speed of its fastest mover, ``fastest_mps``, and with ``check_fits(radius_m, goal_tolerance_m)``
+    could be drawn), the speed of its fastest mover, ``fastest_mps``, and by ``check_fits(radius_m, goal_tolerance_m)``
     that a robot is too large for it.
     """
 

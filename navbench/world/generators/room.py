@@ -41,7 +41,8 @@ class Room:
         """Look at what stands already."""
         self.circles, self._boxes = self.layout.disc_rows(), self.layout.box_rows()
         self._polygons = self.layout.polygon_rows()
-        self._ends = [(end.x_m, end.y_m) for end in (*self.layout.starts, *self.layout.goals)]
+        self._ends = [(start.x_m, start.y_m) for start in self.layout.starts]
+        self._ends += [(goal.x_m, goal.y_m) for goal in self.layout.goals]
 
     @property
     def bounds(self) -> Bounds:

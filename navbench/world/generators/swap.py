@@ -8,8 +8,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from navbench.validation import STRICT, DescriptionError, Positive
-from navbench.world.layout import Layout
-from navbench.world.shapes import Bounds
+from navbench.world.layout import Layout, Start
+from navbench.world.shapes import Bounds, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -58,6 +58,6 @@ class Swap:
                 y_min_m=min(b.y_min_m, y - radius - self.spacing_m),
                 y_max_m=max(b.y_max_m, y + radius + self.spacing_m),
             ),
-            starts=tuple((x + dx, y + dy) for dx, dy in arms),
-            goals=tuple((x - dx, y - dy) for dx, dy in arms),
+            starts=tuple(Start(x + dx, y + dy) for dx, dy in arms),
+            goals=tuple(Point(x - dx, y - dy) for dx, dy in arms),
         )
