@@ -130,9 +130,7 @@ def _check_parameters(key: str, target: Callable[..., Any], parameters: Mapping[
     free = any(parameter.kind is kinds.VAR_KEYWORD for parameter in signature.parameters.values())
     for name in parameters:
         if name not in named and not free:
-            raise DescriptionError(
-                f"{key}.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}"
-            )
+            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}")
     for name, parameter in named.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise DescriptionError(f"{key}.{name}: missing; a value is needed")
