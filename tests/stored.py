@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import Reading
+from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord, StudyCell, Thing, TuningKey
@@ -28,22 +29,35 @@ WORLD = {
 }
 ROBOT = {"radius_m": 0.1, "track_m": 0.15, "wheel_speed_max_mps": 0.5, "wheel_accel_max_mps2": None}
 CROSSING: dict[str, Any] = {  # two robots change places among what is drawn anew for each episode
-    "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
-    "layout": {
+    "source": {
+        "_target_": "navbench.world.generators.Scattered",
+        "base": {
+            "_target_": "navbench.world.Layout",
+            "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
+            "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
+            "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
+        },
         "gap_m": 0.5,
-        "discs": {"count": [2, 3], "radius_m": [0.4, 0.8]},
-        "polygons": {"count": [1, 2], "radius_m": [0.5, 0.9], "corners": [3, 6]},
-        "movers": {
-            "count": [2, 3],
-            "radius_m": [0.3, 0.6],
-            "speed_mps": [0.2, 0.8],
-            "leg_m": [2.0, 8.0],
-            "polygon_share": 0.5,
-            "corners": [3, 5],
+        "parts": {
+            "discs": {"_target_": "navbench.world.generators.Discs", "count": [2, 3], "radius_m": [0.4, 0.8]},
+            "polygons": {
+                "_target_": "navbench.world.generators.Polygons",
+                "count": [1, 2],
+                "radius_m": [0.5, 0.9],
+                "corners": [3, 6],
+            },
+            "movers": {
+                "_target_": "navbench.world.generators.Wander",
+                "count": [2, 3],
+                "radius_m": [0.3, 0.6],
+                "speed_mps": [0.2, 0.8],
+                "leg_m": [2.0, 8.0],
+                "polygon_share": 0.5,
+                "corners": [3, 5],
+                "duration_s": LIMIT_S,
+            },
         },
     },
-    "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
-    "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
     "goal_tolerance_m": 0.2,
     "time_limit_s": LIMIT_S,
 }
@@ -152,7 +166,12 @@ def store(
     results.begin([cell for cell, _ in cells], tunings, study)
     for cell, records in cells:
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
-        pairs = [(episode, record) for episode, fleet in enumerate(fleets) for record in fleet]
+        world, _ = world_of(cell.key.configuration["world"], cell.key.names.world)
+        pairs = [
+            (episode, record._replace(layout=world.drawn_for(cell.key.seed, episode)))
+            for episode, fleet in enumerate(fleets)
+            for record in fleet
+        ]
         results.write_batch(cell.key, range(len(records)), pairs)
     for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
         columns = {

@@ -88,7 +88,7 @@ class BulletSimulator(Simulator):
 
     def build(self) -> None:
         """Make a body of everything; movers have no mass, because of two such bodies no contact is reported."""
-        scene, world = self.scene, self.scene.world
+        scene, world = self.scene, self.scene.layout
         pybullet.resetSimulation(physicsClientId=self.client)
         if self.options.gui:
             self._look_from_above(world.bounds)
