@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from navbench.cli.parts import UnusualError
 
 from navbench.cli.catalogue import GROUPS, files_of
 from navbench.cli.composing import Composed, Composer, composing, plain
 from navbench.cli.configuration import cell_of
-from navbench.cli.parts import UnusualError
 
 CONF = Path(__file__).parents[1] / "conf"
 ALIKE = [
