@@ -41,7 +41,8 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "mine_speed.py").write_text("SPEED_MPS = 0.1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(sys, "modules", dict(sys.modules))
+    for name in ("mine", "mine_speed"):  # of another test's folder
+        sys.modules.pop(name, None)
     return tmp_path
 
 
@@ -101,25 +102,25 @@ def test_a_resume_under_other_code_says_what_changed_and_runs_that_anew(
     own: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     plan, path = plan_of(own, "mine", "go_to_goal"), own / "results"
-    before = {file.name: file.stat().st_ino for file in run_plan(plan, path).results.path.glob("episodes/*")}
+    before = {file.name: file.stat().st_ino for file in run_plan(plan, path, 1).results.path.glob("episodes/*")}
     (own / "mine_speed.py").write_text("SPEED_MPS = 0.10\n")
-    results = run_plan(plan, path).results
+    results = run_plan(plan, path, 1).results
     assert "3 parts are of other code (mine_speed): they are run anew" in caplog.text
     after = {file.name: file.stat().st_ino for file in path.glob("episodes/*")}
     mine = results.manifest()["cells"][0]["run_id"]
     assert {name for name in before if before[name] != after[name]} == {name for name in before if mine in name}
     caplog.clear()
-    run_plan(plan, path)
+    run_plan(plan, path, 1)
     assert not caplog.text
     assert {file.name: file.stat().st_ino for file in path.glob("episodes/*")} == after
 
 
 def test_parts_of_other_code_may_be_kept_and_that_is_recorded(own: Path, caplog: pytest.LogCaptureFixture) -> None:
     plan, path = plan_of(own, "mine"), own / "results"
-    run_plan(plan, path)
+    run_plan(plan, path, 1)
     before = {file: file.stat().st_ino for file in path.glob("episodes/*")}
     (own / "mine_speed.py").write_text("SPEED_MPS = 0.2\n")
-    run_plan(plan, path, other_code=True)
+    run_plan(plan, path, 1, other_code=True)
     assert {file: file.stat().st_ino for file in path.glob("episodes/*")} == before
     assert "they are kept" in caplog.text
     (note,) = json.loads((path / "manifest.json").read_text())["resumed"]
@@ -127,10 +128,10 @@ def test_parts_of_other_code_may_be_kept_and_that_is_recorded(own: Path, caplog:
 
 
 def test_a_directory_with_other_work_is_refused_and_stays(own: Path) -> None:
-    run_plan(plan_of(own, "mine"), own / "results")
+    run_plan(plan_of(own, "mine"), own / "results", 1)
     before = {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()}
     with pytest.raises(DescriptionError, match="holds the results of other work"):
-        run_plan(plan_of(own, "go_to_goal"), own / "results")
+        run_plan(plan_of(own, "go_to_goal"), own / "results", 1)
     assert {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()} == before
 
 
