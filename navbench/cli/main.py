@@ -2,7 +2,6 @@
 
 import os
 import sys
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import shorten
@@ -11,8 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from navbench import __version__
 
 if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
+    from navbench.experiments.cells import Cell
     from navbench.experiments.store import Results
 
 HELP = """navbench: compare reactive navigation controllers of wheeled robots in PyBullet worlds
@@ -123,52 +121,37 @@ def _other_verb(verb: str, arguments: list[str]) -> int:
 
 
 def _run(arguments: list[str]) -> int:
-    """Run one cell or a sweep under Hydra, then print its table."""
-    if not _is_word(arguments[0]) and not arguments[0].startswith("-"):
-        return _complain(f"{arguments[0]}: unknown verb; allowed: {', '.join(VERBS)}, or keys of a run as key=value")
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises instead of printing its own message
-    import hydra
-
-    from navbench.cli import schema
+    """Run one cell or a sweep, then print its table."""
+    from navbench.cli.composing import composing
+    from navbench.cli.configuration import cell_of
     from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
-    from navbench.cli.sweeps import MADE, Made, discard_made
+    from navbench.cli.verbs import sort_words
+    from navbench.validation import DescriptionError
 
-    schema.register()
-    made: list[Made] = []
-    MADE.set(made)
-    ran: list[Ran] = []
-    failed: list[Exception] = []
-
-    def task(config: "DictConfig") -> None:
-        try:
-            ran.append(_run_cell(config))
-        except Exception as error:
-            failed.append(error)
-            if not isinstance(error, CONFIGURATION_ERRORS):
-                raise  # a slip in navbench itself, whose place must be seen
-            _complain(f"{_cell_of_a_sweep()}{one_line(error)}")
-
+    flags = {"-m": "sweep", "--multirun": "sweep"}
+    sweep = any(word in flags for word in arguments)
+    rest = [word for word in arguments if word not in flags]
+    show = "--cfg" in rest
+    if show:
+        place = rest.index("--cfg")
+        del rest[place : place + 2]
     try:
-        if os.getcwd() not in sys.path:
-            sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
-        _check_arguments(arguments)
-        sys.argv[1:] = sorted(arguments, key=_is_word, reverse=True)  # argparse stumbles over flags between words
-        with warnings.catch_warnings():
-            warnings.filterwarnings("error", category=UserWarning, module=r"hydra\.")  # a folder that is missing
-            hydra.main(config_path="pkg://navbench.conf", config_name="run", version_base="1.3")(task)()
-        if ran:
-            _print_tables(ran)
-    except (BrokenPipeError, KeyboardInterrupt):
-        raise
-    except SystemExit as end:  # after --help and the like, and after a wrong flag
-        return 2 if end.code else 0
-    except Exception as error:
-        if error in failed:
-            raise
-        return _complain(one_line(error))  # Hydra composes with errors of many kinds
-    finally:
-        discard_made(made)
-    return 2 if failed else 0
+        words = sort_words(rest)
+        if words.names:
+            raise DescriptionError(f"{words.names[0]}: unknown verb; allowed: {', '.join(VERBS)}, or key=value")
+        with composing(words.config_dir) as composer:
+            if show:
+                print(composer.text("run", words.overrides))
+                return 0
+            composed, path = composer.command("run", words.overrides, sweep=sweep)
+            cells = [cell_of(one) for one in composed]
+        ran = [
+            _run_cell(cell, composed[0].values["workers"], path, i if sweep else None) for i, cell in enumerate(cells)
+        ]
+        _print_tables(ran)
+    except (*CONFIGURATION_ERRORS, ValueError) as error:
+        return _complain(one_line(error))
+    return 0
 
 
 class Ran(NamedTuple):
@@ -178,55 +161,18 @@ class Ran(NamedTuple):
     sweep: Path | None
 
 
-def _is_word(argument: str) -> bool:
-    return argument.startswith("~") or (not argument.startswith("-") and "=" in argument)
-
-
-def _check_arguments(arguments: list[str]) -> None:
-    """Check what Hydra would pass over or report as a slip in the program."""
-    from navbench.cli.catalogue import check_folder
-    from navbench.cli.composing import check_words
-    from navbench.validation import DescriptionError
-
-    check_words(arguments)
-    for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
-        name, _, value = word.partition("=")
-        if name in CONFIG_DIR:
-            if not (value or following):
-                raise DescriptionError(f"{word}: needs a folder")
-            check_folder(Path(value or following))
-
-
-def _run_cell(config: "DictConfig") -> Ran:
-    """Run one cell into Hydra's directory."""
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-
-    from navbench.cli.composing import plain
-    from navbench.cli.configuration import cell_of
-
-    job = HydraConfig.get()
-    os.chdir(job.runtime.cwd)  # whatever hydra.job.chdir says: paths are relative to where the user stands
-    path = Path(os.path.relpath(job.runtime.output_dir))
-    cell = cell_of(plain(config, job.runtime.choices))
+def _run_cell(cell: "Cell", workers: int | None, path: Path, place: int | None) -> Ran:
+    """Run one cell into a directory; ``place`` is its place in a sweep."""
     from navbench.experiments.running import run_cells
     from navbench.report.figures import save_trajectories
 
-    results = run_cells([cell], path, config.workers)
-    save_trajectories([results], path / "trajectory.png")
-    if job.mode != RunMode.MULTIRUN:
+    own = path if place is None else path / f"{place}-{cell.names.controller}-{cell.names.world}"
+    results = run_cells([cell], own, workers)
+    save_trajectories([results], own / "trajectory.png")
+    if place is None:
         return Ran(results, None)
-    print(f"{job.job.num}: {cell.names.controller} in {cell.names.world}: done", file=sys.stderr)
-    return Ran(results, Path(job.sweep.dir))
-
-
-def _cell_of_a_sweep() -> str:
-    """Return which cell of a sweep runs, as the beginning of a message; empty outside a sweep."""
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-
-    job = HydraConfig.get()
-    return f"cell {job.job.num}: " if job.mode == RunMode.MULTIRUN else ""
+    print(f"{place}: {cell.names.controller} in {cell.names.world}: done", file=sys.stderr)
+    return Ran(results, path)
 
 
 def _print_tables(ran: "Sequence[Ran]") -> None:

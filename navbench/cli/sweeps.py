@@ -1,15 +1,10 @@
-"""A sweep's joined table; and the directories that a run or a sweep must not leave behind."""
+"""A sweep's joined table."""
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from hydra.experimental.callback import Callback
-from omegaconf import DictConfig, OmegaConf
-
-from navbench.experiments.store import Results, discard_empty, existing, write_table
+from navbench.experiments.store import Results, write_table
 from navbench.report.tables import failures, summarize, to_markdown, to_text
 
 if TYPE_CHECKING:
@@ -62,44 +57,3 @@ def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
             yield from _leaves(inner, f"{key}.{name}" if key else str(name))
     else:
         yield key, str(value)
-
-
-class Made(NamedTuple):
-    """A directory that Hydra makes, and the nearest one above it that was there before."""
-
-    folder: Path
-    there: Path
-
-
-MADE: ContextVar[list[Made]] = ContextVar("MADE")  # set by the command line, filled by Hydra's callback
-
-
-def discard_made(made: Sequence[Made]) -> None:
-    """Remove those that hold nothing but what Hydra writes, and those above them."""
-    for folder, there in made:
-        if folder.is_dir() and folder != there and os.listdir(folder) == ["multirun.yaml"]:
-            (folder / "multirun.yaml").unlink()
-        discard_empty(folder, there)
-
-
-class Remember(Callback):
-    """Remembers the directories that Hydra makes for a run or a sweep, before it makes them."""
-
-    def on_run_start(self, config: DictConfig, **_: Any) -> None:
-        """Note what was there before a run."""
-        self._there = _fixed_part(config.hydra.run)
-
-    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
-        """Note what was there before a sweep, and the sweep's own directory."""
-        self._there = _fixed_part(config.hydra.sweep)
-        MADE.get().append(Made(Path(config.hydra.sweep.dir).absolute(), self._there))
-
-    def on_job_start(self, config: DictConfig, **_: Any) -> None:
-        """Note the directory of a cell, before that of its sweep."""
-        MADE.get().insert(0, Made(Path(config.hydra.runtime.output_dir), self._there))
-
-
-def _fixed_part(node: DictConfig) -> Path:
-    """Return the nearest directory that is there of what stands before the first ``${`` of a node's ``dir``."""
-    written = OmegaConf.to_container(node, resolve=False)["dir"]  # type: ignore[index, call-overload]
-    return existing(Path(str(written).split("${")[0]))
