@@ -51,15 +51,22 @@ class CellKey(NamedTuple):
     """What results know of a cell.
 
     Attributes:
+        name: what it is there for, such as "printed" or "fair"; the cells of a comparison share it.
+        label: what tables and reports call its controller.
         names: what its parts are called.
         configuration: its resolved configuration, of plain values.
         sources: where each part's parameters come from.
         config_hash: digits over names and configuration: everything that decides an episode but seed and index.
         run_id: digits over config_hash and seed; two runs of the same cell share it.
         seed: of every stream.
-        episodes: how many, from index 0.
+        episodes: how many.
+        first_episode: the index of the first one.
+        tuning: the name of the tuning that its parameters come from, or empty.
+        tuning_seed: that tuning's seed; -1 without one.
     """
 
+    name: str
+    label: str
     names: Names
     configuration: Mapping[str, Any]
     sources: Mapping[str, Any]
@@ -67,22 +74,7 @@ class CellKey(NamedTuple):
     run_id: str
     seed: int
     episodes: int
-
-
-class StudyCell(NamedTuple):
-    """A cell's place in a study.
-
-    Attributes:
-        key: the cell.
-        name: what it is there for, such as "printed" or "fair"; the cells of a comparison share it.
-        label: what the report calls its controller.
-        tuning: the name of the tuning that its parameters come from, or empty.
-        tuning_seed: that tuning's seed; -1 without one.
-    """
-
-    key: CellKey
-    name: str
-    label: str
+    first_episode: int = 0
     tuning: str = ""
     tuning_seed: int = -1
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
-from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.records import CellKey, Names, RobotRecord, TuningKey
 
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]
@@ -107,7 +107,7 @@ def a_cell(
     seed: int = -1,
     scene: Mapping[str, Any] = WORLD,
     **build: Any,
-) -> StudyCell:
+) -> CellKey:
     """Return a study's cell in a world of this configuration; what else differs makes its run_id."""
     run_id = f"{label}-{world}-{name}-{seed}".replace(" ", "").lower()
     configuration = {
@@ -118,7 +118,7 @@ def a_cell(
         "simulator": {},
     }
     names = Names("pid", world, "disc", "none", "ideal")
-    return StudyCell(CellKey(names, configuration, SOURCES, run_id, run_id, 0, 1), name, label, tuning, seed)
+    return CellKey(name, label, names, configuration, SOURCES, run_id, run_id, 0, 1, 0, tuning, seed)
 
 
 def a_tuning(name: str, seed: int) -> TuningKey:
@@ -133,7 +133,7 @@ def a_tuning(name: str, seed: int) -> TuningKey:
 
 def store(
     path: Path,
-    cells: Sequence[tuple[StudyCell, Sequence[RobotRecord | Fleet]]],
+    cells: Sequence[tuple[CellKey, Sequence[RobotRecord | Fleet]]],
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
@@ -153,7 +153,7 @@ def store(
     for cell, records in cells:
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
         pairs = [(episode, record) for episode, fleet in enumerate(fleets) for record in fleet]
-        results.write_batch(cell.key, range(len(records)), pairs)
+        results.write_batch(cell, range(len(records)), pairs)
     for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
         columns = {
             "evaluation": list(range(len(values))),

@@ -208,8 +208,8 @@ def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
 
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
     cell, episodes = a_cell("A", "crossing", scene=CROSSING), []
-    world = store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)])]).world(cell.key.run_id)
-    drawn = [store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)])]).world(cell.key.run_id, e) for e in range(3)]
+    world = store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)])]).world(cell.run_id)
+    drawn = [store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)])]).world(cell.run_id, e) for e in range(3)]
     assert drawn[0] == world
     assert len({one.discs for one in drawn}) == 3
     for one in drawn:  # each robot stands in the middle of every disc in turn
@@ -226,11 +226,11 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
 def test_the_stored_world_is_drawn_as_it_was_in_the_run(tmp_path: Path) -> None:
     cell = a_cell("A", "crossing", scene=CROSSING)
     reading = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)])])
-    first, second = reading.world(cell.key.run_id), reading.world(cell.key.run_id, 1)
+    first, second = reading.world(cell.run_id), reading.world(cell.run_id, 1)
     assert first.layout is second.layout is None
     assert first.movers
     assert first != second
-    assert first == reading.world(cell.key.run_id, 0)
+    assert first == reading.world(cell.run_id, 0)
     assert first.starts == second.starts
 
 

@@ -70,26 +70,29 @@ def cell_of(run: Composed) -> Cell:
     _check_steps(world, robot, native)
     if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
+    alone = run.values["episode"]
     jitter = {key: run.values[key] for key in ("start_jitter_m", "start_heading_jitter_rad")}
     return Cell(
         names=names,
         configuration={**groups, **jitter},
         sources=sources,
-        make_controller=make_controller,
+        controller=make_controller.func,
         native=native,
         world=world,
         robot=robot,
         sensors=sensors,
         options=options,
         jitter=Jitter(*jitter.values()),
-        episodes=run.values["episodes"],
         seed=run.values["seed"],
+        episodes=run.values["episodes"] if alone is None else 1,
+        first_episode=alone or 0,
     )
 
 
 def _check_numbers(values: Mapping[str, Any]) -> None:
     """Check the numbers beside the groups."""
     most = {"episodes": (1, EPISODES_MAX), "workers": (1, float("inf")), "seed": (0, SEED_MAX)}
+    most["episode"] = (0, EPISODES_MAX)
     for key, (low, high) in most.items():
         if values[key] is not None and not low <= values[key] <= high:
             allowed = f"at least {low}" if high == float("inf") else f"from {low} to {high}"

@@ -25,6 +25,7 @@ class Run:
     sensors: Any = omegaconf.MISSING
     simulator: Any = omegaconf.MISSING
     episodes: int = omegaconf.MISSING
+    episode: int | None = omegaconf.MISSING
     seed: int = omegaconf.MISSING
     start_jitter_m: float = omegaconf.MISSING
     start_heading_jitter_rad: float = omegaconf.MISSING

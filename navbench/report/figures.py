@@ -131,21 +131,18 @@ def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
     return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
 
 
-def save_trajectories(runs: Sequence[Results], file: Path) -> None:
-    """Draw all episodes of some results directories, a panel a cell, and save the picture.
+def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
+    """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
 
     Args:
-        runs: the directories.
+        results: the directory.
+        runs: the run_ids.
         file: where to save; its ending chooses the format.
     """
     from matplotlib.figure import Figure
 
-    panels = []
-    for results in runs:
-        episodes, trajectories = results.episodes(), results.trajectories()
-        for cell in results.manifest()["cells"]:
-            run = cell["run_id"]
-            panels.append((cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run]))
+    episodes, cells = results.episodes(), {cell["run_id"]: cell for cell in results.manifest()["cells"]}
+    panels = [(cells[run], episodes[episodes["run_id"] == run], results.trajectories(run)) for run in runs]
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
