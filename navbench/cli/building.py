@@ -60,7 +60,7 @@ def simulator_class(target: Any) -> type[Simulator]:
     """
     found = located("simulator._target_", target, ())
     if not (inspect.isclass(found) and issubclass(found, Simulator)):
-        raise DescriptionError(f"simulator._target_={target}: {SIMULATOR}")
+        raise DescriptionError(f"simulator._target_={target}: must name a subclass of {Simulator.__module__}.Simulator")
     return found
 
 
