@@ -1,11 +1,16 @@
 """The shape of the house: floors, packaging, and what may import what."""
 
 import ast
+import os
 import re
+import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
+from hatchling.build import build_wheel
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "navbench"
@@ -32,7 +37,6 @@ FLOORS = {
 MODULES = {
     ".".join(("navbench", *path.relative_to(PACKAGE).with_suffix("").parts)): path
     for path in sorted(PACKAGE.rglob("*.py"))
-    if path.relative_to(PACKAGE).parts[0] not in ("conf", "controllers")
 }
 
 
@@ -66,7 +70,7 @@ def test_every_module_stands_on_a_floor() -> None:
 @pytest.mark.parametrize("module", MODULES)
 def test_an_import_only_goes_down(module: str) -> None:
     for other in own_imports(module):
-        if other != "navbench.__version__":
+        if other not in ("navbench.__version__", "navbench.conf"):
             assert FLOORS[place_of(other)] <= FLOORS[place_of(module)], f"{module} imports {other}, which stands above"
 
 
@@ -109,15 +113,43 @@ def imports_of_controller(path: Path) -> set[str]:
     }
 
 
-def test_every_subpackage_is_listed_for_the_wheel() -> None:
-    listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
-    inside = {path.parent for path in PACKAGE.rglob("__init__.py") if path.parent.name not in ("conf", "controllers")}
-    inside |= {path.parent for path in (ROOT / "controllers").rglob("__init__.py")}
-    tree = {"navbench", "navbench.conf"}
-    for folder in inside:
-        parts = folder.relative_to(ROOT).parts
-        tree.add(".".join(parts if parts[0] == "navbench" else ("navbench", *parts)))
-    assert listed == tree
+def test_a_wheel_holds_the_whole_package_and_finds_its_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    wheel = zipfile.ZipFile(tmp_path / build_wheel(str(tmp_path)))
+    wheel.extractall(tmp_path / "site")
+    kept = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    files = [path for top in ("navbench", "conf", "controllers") for path in (ROOT / top).rglob("*") if path.is_file()]
+    inside = {path.relative_to(ROOT).as_posix() for path in files if "__pycache__" not in path.parts}
+    assert kept == {name if name.startswith("navbench/") else f"navbench/{name}" for name in inside}
+    found = import_in(tmp_path, "navbench.conf, navbench.controllers.aouf2019.sflc as sflc", tmp_path / "site")
+    assert found.splitlines() == [
+        f"['{tmp_path}/site/navbench']",
+        f"{tmp_path}/site/navbench/controllers/aouf2019/sflc.py",
+    ]
+
+
+def test_a_script_beside_a_clone_imports_the_package_and_not_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "navbench").symlink_to(ROOT)
+    found = import_in(tmp_path, "navbench.controllers.aouf2019.sflc as sflc")
+    assert found.splitlines() == [str([str(PACKAGE), str(ROOT)]), str(ROOT / "controllers/aouf2019/sflc.py")]
+
+
+def import_in(folder: Path, what: str, path: Path | None = None) -> str:
+    """Run a script of a folder that imports something and prints where navbench and ``sflc`` lie."""
+    script = folder / "script.py"
+    script.write_text(f"import navbench, {what}\nprint(navbench.__path__)\nprint(sflc.__file__)\n")
+    environment = {**os.environ, **({"PYTHONPATH": str(path)} if path else {})}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def test_no_file_is_a_link() -> None:
+    tracked = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if tracked.returncode:
+        pytest.skip("no git repository here")
+    assert [line for line in tracked.stdout.splitlines() if line.startswith("120000")] == []
 
 
 def test_no_module_is_longer_than_400_lines() -> None:

@@ -4,15 +4,16 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from commands import NAVBENCH, workers_of
 from stored import a_cell, a_record
 
 from navbench.cli.configuration import compose_cell
@@ -22,7 +23,6 @@ from navbench.experiments.store import Results, ResultsError
 from navbench.records import RobotRecord, StudyCell
 from navbench.report.tables import failures, summarize, to_markdown, to_text
 
-NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 EPISODES = 60  # three parts, the last one shorter
 WORDS = (
     "controller=sflc",
@@ -174,7 +174,13 @@ def test_the_csv_holds_the_same_rows(once: Results) -> None:
 def test_the_manifest_says_what_ran_with_what_and_where_the_numbers_come_from(once: Results, cell: Cell) -> None:
     manifest = json.loads((once.path / "manifest.json").read_text())
     assert manifest["began"] <= manifest["ended"]
-    assert set(manifest["versions"]) >= {"navbench", "numpy", "numba", "pybullet", "pyarrow"}
+    assert set(manifest["versions"]) >= {
+        "navbench",
+        "numpy",
+        "numba",
+        packages_distributions()["pybullet"][0],
+        "pyarrow",
+    }
     (entry,) = manifest["cells"]
     assert entry["seed"] == 0
     assert entry["episodes"] == EPISODES
@@ -324,10 +330,7 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     while run.poll() is None and not list(tmp_path.glob("episodes/part-*")):
         time.sleep(0.02)
-    found = subprocess.run(
-        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(run.pid)], capture_output=True, text=True, check=False
-    )
-    workers = [int(line.split()[0]) for line in found.stdout.splitlines() if "popen_loky_posix" in line]
+    workers = workers_of(run.pid)
     assert workers
     os.kill(workers[0] if victim == "a worker" else run.pid, signal.SIGKILL)
     _, err = run.communicate(timeout=60.0)  # which waits for the workers too, for they hold the pipe

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from commands import NAVBENCH, Command
+from commands import NAVBENCH, Command, workers_of
 
 from navbench.cli import composing
 from navbench.cli.catalogue import CONF
@@ -64,11 +64,11 @@ def test_a_study_is_the_same_with_one_worker_and_with_two(finished: Path, tmp_pa
 def test_a_study_that_is_killed_ends_the_same_when_it_is_resumed(moment: int, finished: Path, tmp_path: Path) -> None:
     chance = random.Random(moment)
     run = study(tmp_path, "workers=2")
-    while moment % 2 and not _workers_of(run.pid) and run.poll() is None:
+    while moment % 2 and not workers_of(run.pid) and run.poll() is None:
         time.sleep(0.05)
     time.sleep(chance.uniform(0.3, 3.0))
     if moment % 2:  # a worker: the study runs its batch again, and ends by itself
-        if victims := _workers_of(run.pid):
+        if victims := workers_of(run.pid):
             os.kill(chance.choice(victims), signal.SIGKILL)
         _, err = run.communicate()
         assert run.returncode == 0, err
@@ -81,14 +81,6 @@ def test_a_study_that_is_killed_ends_the_same_when_it_is_resumed(moment: int, fi
         _, err = again.communicate()
         assert again.returncode == 0, err
     assert parts_of(tmp_path) == parts_of(finished)
-
-
-def _workers_of(pid: int) -> list[int]:
-    """Return the worker processes of a driver that are alive."""
-    found = subprocess.run(
-        ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False
-    )
-    return [int(line.split()[0]) for line in found.stdout.splitlines() if "popen_loky_posix" in line]
 
 
 def _alive(group: int) -> bool:

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import navbench.conf
 from navbench.validation import DescriptionError
 
-CONF = Path(__file__).parents[1] / "conf"
+CONF = Path(navbench.conf.__file__).parent
 
 GROUPS = ("controller", "world", "robot", "sensors", "simulator")  # of a run
 LISTED = (*GROUPS, "tuner", "objective", "study")
@@ -53,6 +54,6 @@ def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
 
 
 def _title(file: Path) -> str:
-    with file.open(errors="replace") as lines:
+    with file.open(encoding="utf-8", errors="replace") as lines:
         first = next((line for line in lines if not line.startswith("# @")), "")
     return first.removeprefix("#").strip() if first.startswith("#") else ""

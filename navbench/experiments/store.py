@@ -354,4 +354,4 @@ def _latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
 def write_table(file: Path, text: str) -> None:
     """Write a table beside results, whole or not at all."""
     with _Replacing(file) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -84,7 +84,7 @@ def read_study(path: Path) -> Found:
     report = path / "report.md"
     if not report.is_file():
         raise DescriptionError(f"{report}: missing")
-    findings = re.search(r"^## Findings$(.*?)^## ", report.read_text(), re.MULTILINE | re.DOTALL)
+    findings = re.search(r"^## Findings$(.*?)^## ", report.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     told = re.findall(r"^- .*$", findings[1], re.MULTILINE)[:FINDINGS] if findings else []
     return Found(path.name, title, summary, told, errata, read_claims(path / "claims.csv"))
 

@@ -8,6 +8,7 @@ sensor plane, where all rays run, so ranges are exact for circles in the plane.
 import ctypes
 import math
 import os
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,6 +25,8 @@ from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
 from navbench.world.shapes import Bounds
 
+C_LIBRARY = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
+
 
 @contextmanager
 def _silent(descriptor: int) -> Iterator[None]:
@@ -34,7 +37,7 @@ def _silent(descriptor: int) -> Iterator[None]:
     try:
         yield
     finally:
-        ctypes.CDLL(None).fflush(None)  # into a pipe, the C library holds its text back until now
+        C_LIBRARY.fflush(None)  # into a pipe, the C library holds its text back until now
         os.dup2(kept, descriptor)
         os.close(kept)
 
