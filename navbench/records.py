@@ -39,6 +39,7 @@ class RobotRecord(NamedTuple):
         trace_names: its names.
         latencies_s: (n,) the time of each act on the machine's clock [s].
         hit: what a robot that collided hit.
+        traceback: of what a controller raised; empty where it raised nothing.
     """
 
     robot_index: int
@@ -50,6 +51,7 @@ class RobotRecord(NamedTuple):
     trace_names: tuple[str, ...]
     latencies_s: FloatArray
     hit: Thing | None = None
+    traceback: str = ""
 
 
 class Names(NamedTuple):
