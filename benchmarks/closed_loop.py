@@ -25,8 +25,9 @@ from navbench.robot import Robot
 from navbench.sensors import Mount, Sensors
 from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import Layout, Start
 from navbench.world.shapes import Bounds, Disc, Point
-from navbench.world.world import Start, World
+from navbench.world.world import World
 
 ROUNDS = 7
 SECONDS = 0.7  # of CPU time a measurement
@@ -60,10 +61,12 @@ def rule_runner(robots: int) -> EpisodeRunner:
     ring = [math.tau * i / robots for i in range(robots)]
     world = World(
         name="benchmark",
-        bounds=Bounds(x_min_m=-side, x_max_m=side, y_min_m=-side, y_max_m=side),
-        discs=discs,
-        starts=tuple(Start(x_m=4.0 * math.cos(a), y_m=4.0 * math.sin(a)) for a in ring),
-        goals=tuple(Point(x_m=-4.0 * math.cos(a), y_m=-4.0 * math.sin(a)) for a in ring),
+        source=Layout(
+            bounds=Bounds(x_min_m=-side, x_max_m=side, y_min_m=-side, y_max_m=side),
+            discs=discs,
+            starts=tuple(Start(x_m=4.0 * math.cos(a), y_m=4.0 * math.sin(a)) for a in ring),
+            goals=tuple(Point(x_m=-4.0 * math.cos(a), y_m=-4.0 * math.sin(a)) for a in ring),
+        ),
         goal_tolerance_m=0.001,
         time_limit_s=20.0,
     )
@@ -92,7 +95,7 @@ def sflc_runner() -> EpisodeRunner:
 
 def swap_runner() -> EpisodeRunner:
     """Return episodes of oa_to on 50 robots that swap their places on a circle: 16 rays each."""
-    return compose_cell("controller=oa_to", "world=swap_circle", "world.layout.swap.robots=50").runner()
+    return compose_cell("controller=oa_to", "world=swap_circle", "world.source.robots=50").runner()
 
 
 def bare_loop(runner: EpisodeRunner) -> Callable[[], int]:

@@ -19,8 +19,9 @@ from navbench.simulation.base import Simulator
 from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.contacts import Event
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import DrawnWorld, Layout, Start
 from navbench.world.shapes import Bounds, Mover, Point
-from navbench.world.world import Start, World
+from navbench.world.world import World, drawn
 
 FloatArray = NDArray[np.float64]
 Act = Callable[[Observation], Any]
@@ -33,7 +34,7 @@ STAND = Command(0.0, 0.0)
 STILL = Jitter()
 
 
-def a_world(**changes: Any) -> World:
+def a_world(**changes: Any) -> DrawnWorld:
     """Return an empty world of 2 km with one robot at the origin, facing a goal 500 m ahead."""
     values: dict[str, Any] = {
         "name": "scene",
@@ -44,7 +45,8 @@ def a_world(**changes: Any) -> World:
     }
     values |= changes
     values.setdefault("goals", tuple(Point(x_m=500.0, y_m=10.0 * i) for i in range(len(values["starts"]))))
-    return World(**values)
+    own = {key: values.pop(key) for key in ("name", "goal_tolerance_m", "time_limit_s")}
+    return drawn(Layout(**values), **own)
 
 
 def a_robot(radius_m: float = 1.0, speed_mps: float = 1.0, accel_mps2: float | None = None) -> Robot:
@@ -74,7 +76,7 @@ def to_and_fro(*points: tuple[float, float], speeds: Sequence[float], radius_m: 
 
 
 def a_simulator(
-    world: World,
+    world: DrawnWorld,
     robot: Robot,
     sensors: Sensors = BLIND,
     options: SimulatorOptions = IDEAL,
@@ -92,7 +94,7 @@ def a_simulator(
     return simulator
 
 
-def reset(simulator: Simulator, world: World, poses: Sequence[Pose]) -> None:
+def reset(simulator: Simulator, world: DrawnWorld, poses: Sequence[Pose]) -> None:
     """Begin an episode with the robots at these poses."""
     simulator.reset(world, poses, world.goal_tolerance_m)
 
@@ -152,7 +154,7 @@ def schedule(commands: Sequence[tuple[float, float]], period_s: float) -> Script
 
 
 def a_runner(
-    world: World,
+    world: DrawnWorld | World,
     controllers: Controller | Sequence[Controller],
     *,
     robot: Robot | None = None,
@@ -175,6 +177,10 @@ def a_runner(
 
     if native is None and period_s is not None:
         native = Native(robot, period_s)
+    if isinstance(world, DrawnWorld):  # always the same
+        world = World(
+            name=world.name, source=world, goal_tolerance_m=world.goal_tolerance_m, time_limit_s=world.time_limit_s
+        )
     return EpisodeRunner(
         make_controller=make,
         make_simulator=partial(BulletSimulator, options),
@@ -188,14 +194,14 @@ def a_runner(
 
 
 def run(
-    world: World, controllers: Controller | Sequence[Controller], *, episode: int = 0, **options: Any
+    world: DrawnWorld | World, controllers: Controller | Sequence[Controller], *, episode: int = 0, **options: Any
 ) -> list[RobotRecord]:
     """Run one episode and return a record a robot."""
     with a_runner(world, controllers, **options) as runner:
         return runner.run(episode)
 
 
-def run_one(world: World, controller: Controller, **options: Any) -> RobotRecord:
+def run_one(world: DrawnWorld, controller: Controller, **options: Any) -> RobotRecord:
     """Run one episode of a world with one robot."""
     (record,) = run(world, controller, **options)
     return record

@@ -14,8 +14,8 @@ from navbench.simulation.contacts import ContactLedger, Contacts
 from navbench.simulation.motion import ROBOT
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.scene import Scene
+from navbench.world.layout import DrawnWorld, FinishLine, Start
 from navbench.world.shapes import Disc, Point, Polygon, Wall
-from navbench.world.world import FinishLine, Start, World
 
 SQUARE = tuple(Point(x_m=x, y_m=y) for x, y in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)))
 WALL = Wall(x1_m=5.1, y1_m=-50.0, x2_m=5.1, y2_m=50.0, thickness_m=0.1)
@@ -222,7 +222,7 @@ def test_a_robot_stands_where_both_wheels_do(left: float, right: float, stands: 
 
 
 @pytest.fixture(scope="module")
-def mixed() -> World:
+def mixed() -> DrawnWorld:
     outlines = [SQUARE, (), SQUARE[:3], ()]
     movers = tuple(
         to_and_fro((float(k), 0.0), (float(k), 50.0), speeds=[1.0 + k], radius_m=0.8, outline=outline)
@@ -233,7 +233,7 @@ def mixed() -> World:
     return a_world(movers=movers, polygons=(Polygon(corners=square),), discs=(disc,))
 
 
-def test_movers_keep_their_numbers_and_places_whatever_their_shape(mixed: World) -> None:
+def test_movers_keep_their_numbers_and_places_whatever_their_shape(mixed: DrawnWorld) -> None:
     scene = Scene(mixed)
     scene.move_to(2.0)
     places = dict(zip(scene.mover_order(), scene.mover_places().tolist(), strict=True))
@@ -242,7 +242,7 @@ def test_movers_keep_their_numbers_and_places_whatever_their_shape(mixed: World)
     assert scene.fastest_mps == 4.0
 
 
-def test_the_circles_hold_everything_that_is_not_a_box(mixed: World) -> None:
+def test_the_circles_hold_everything_that_is_not_a_box(mixed: DrawnWorld) -> None:
     scene = Scene(mixed)
     scene.move_to(1.0)
     found = {tuple(row) for row in np.round(scene.circles(), 12).tolist()}
@@ -251,7 +251,7 @@ def test_the_circles_hold_everything_that_is_not_a_box(mixed: World) -> None:
     assert found == {(-30.0, 0.0, 2.0, 0.0, 0.0), (20.0, 0.0, corner, 0.0, 0.0)} | moving
 
 
-def test_the_distance_in_a_scene_follows_its_movers(mixed: World) -> None:
+def test_the_distance_in_a_scene_follows_its_movers(mixed: DrawnWorld) -> None:
     scene = Scene(mixed)
     assert scene.distance(-3.0, 0.0) == pytest.approx(2.5)  # to the left side of the first one's square
     scene.move_to(2.0)
@@ -259,7 +259,7 @@ def test_the_distance_in_a_scene_follows_its_movers(mixed: World) -> None:
     assert Scene(a_world()).distance(0.0, 0.0) == math.inf
 
 
-def test_a_prism_has_two_triangles_a_side_and_no_repeated_corner(mixed: World) -> None:
+def test_a_prism_has_two_triangles_a_side_and_no_repeated_corner(mixed: DrawnWorld) -> None:
     rows = Scene(mixed).polygons
     three = next(row for row in rows if len({tuple(c) for c in row[5:].reshape(-1, 2).tolist()}) == 3)
     for row, corners in ((rows[0], 4), (three, 3)):

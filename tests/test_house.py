@@ -43,7 +43,7 @@ MODULES = {
 def place_of(module: str) -> str:
     """The key of a module in FLOORS: its package, or its own name where it stands at the top."""
     top = module.split(".")[1] if "." in module else ""
-    return "navbench" if top in ("", "__init__") else top
+    return "navbench" if top in ("", "__init__", "__main__") else top
 
 
 def imports_of(path: Path) -> set[str]:
@@ -89,6 +89,12 @@ def test_a_library_stands_behind_one_door(library: str, allowed: str) -> None:
     users = {m for m, path in MODULES.items() if any(n.split(".")[0] == library for n in imports_of(path))}
     assert users
     assert all(f"{user}.".startswith(f"{allowed}.") for user in users), users
+
+
+def test_only_one_file_knows_the_engine() -> None:
+    """Not its limits, its package or its name: another simulator would have others."""
+    known = {module for module, path in MODULES.items() if "pybullet" in path.read_text().lower()}
+    assert known == {"navbench.simulation.bullet"}
 
 
 def test_the_framework_never_imports_a_controller() -> None:

@@ -14,8 +14,8 @@ from navbench.sensors import RAYS_MAX, Mount, Sensors
 from navbench.simulation import base as simulator_module
 from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import DrawnWorld, Start
 from navbench.world.shapes import Box, Disc, Point, Polygon, Wall
-from navbench.world.world import Start, World
 
 # --- rays ---
 
@@ -210,7 +210,7 @@ def cautious(simulator: Simulator) -> Simulator:
 def test_asking_pybullet_only_for_what_decides_changes_nothing(
     cone: dict[str, Any], radius_m: float, on_collision: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def history(world: World, always: bool, seed: int) -> list[object]:
+    def history(world: DrawnWorld, always: bool, seed: int) -> list[object]:
         monkeypatch.setattr(simulator_module, "CONTACT_MARGIN_RADII", 1e9 if always else 0.05)
         rng = np.random.default_rng(seed)
         kept: list[object] = []
@@ -285,7 +285,7 @@ AHEAD = Sensors(
 )
 
 
-def two_robots(second_x_m: float, **changes: object) -> World:
+def two_robots(second_x_m: float, **changes: object) -> DrawnWorld:
     """Return a robot at the origin and one ahead of it, both looking ahead."""
     starts = (Start(x_m=0.0, y_m=0.0, heading_rad=0.0), Start(x_m=second_x_m, y_m=0.0, heading_rad=0.0))
     return a_world(starts=starts, **changes)

@@ -7,13 +7,14 @@ import pytest
 from scenes import a_world, to_and_fro
 from shapes import Shard
 
+from navbench.cli.worlds import world_of
 from navbench.mathematics.geometry import box_distance, distance_to_nearest, polygon_distance
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.options import SimulatorOptions
 from navbench.validation import REMEMBERED_MAX, DescriptionError, describe, remembered
+from navbench.world.layout import DrawnWorld, Layout, Start
 from navbench.world.shapes import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
-from navbench.world.world import Start, World
 
 PLAIN: dict[str, Any] = {
     "name": "plain",
@@ -53,16 +54,22 @@ def changed(path: str, value: Any) -> dict[str, Any]:
     return world
 
 
+def listed(values: dict[str, Any]) -> Layout:
+    """Return what a world of these values always draws."""
+    values = {key: value for key, value in values.items() if key != "name"}
+    return world_of(values, "plain")[0].drawn_for(0, 0)
+
+
 def message_for(path: str, value: Any) -> str:
     with pytest.raises(DescriptionError) as caught:
-        describe(World, changed(path, value), "world")
+        listed(changed(path, value))
     return str(caught.value)
 
 
 def test_the_plain_world_itself_is_valid() -> None:
-    world = describe(World, PLAIN, "world")
+    world = listed(PLAIN)
     assert world.boxes == (Box(x_m=2.0, y_m=2.0, length_m=2.0, width_m=1.0, heading_rad=0.0),)
-    assert describe(World, changed("finish_line", LINE), "world").finish_line is not None
+    assert listed(changed("finish_line", LINE)).finish_line is not None
 
 
 @pytest.mark.parametrize(
@@ -175,7 +182,7 @@ def test_a_wall_is_a_box_around_the_line_between_its_points() -> None:
     assert world.box_rows() == pytest.approx(np.array([[2.5, 4.0, 2.5, 0.2, 0.6, 0.8]]))
 
 
-def places(world: World, times: list[float]) -> list[tuple[float, ...]]:
+def places(world: DrawnWorld, times: list[float]) -> list[tuple[float, ...]]:
     """Return the last mover's x, y, vx, vy at each time."""
     return [tuple(world.disc_rows(t)[-1, [0, 1, 3, 4]].tolist()) for t in times]
 

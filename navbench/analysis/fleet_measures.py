@@ -93,6 +93,8 @@ def share_of_discs_met(reading: Reading, within_m: float, select: Select) -> Mea
     for _, fleet in reading.select(**select).groupby(["run_id", "episode"], sort=False):
         robots = fleet.to_dict("records")
         run_id = robots[0]["run_id"]
+        if robots[0]["outcome"] == "no_layout":
+            continue
         world = reading.world(run_id, robots[0]["episode"])
         robot = describe(Robot, reading.configuration(run_id)["configuration"]["robot"], "robot")
         places = np.concatenate([reading.way(row)[["x_m", "y_m"]].to_numpy() for row in robots])

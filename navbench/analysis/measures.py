@@ -18,7 +18,7 @@ from navbench.analysis.phases import phases as phases_of
 from navbench.analysis.stored import Reading, outcomes, reached
 from navbench.mathematics.statistics import newcombe_paired, restricted_mean_difference
 from navbench.validation import DescriptionError
-from navbench.world.world import World
+from navbench.world.layout import DrawnWorld
 
 Select = Mapping[str, Any]
 RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it is written
@@ -182,7 +182,7 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
     if rows.empty:
         return None
     here, there = outcomes(rows).values()
-    limits_s = {reading.world(run_id).time_limit_s for run_id in {*rows["run_id"], *rows["run_id_other"]}}
+    limits_s = {reading.time_limit_s(run_id) for run_id in {*rows["run_id"], *rows["run_id_other"]}}
     if len(limits_s) != 1:
         raise DescriptionError(f"{reading.results.path}: {select}: the worlds must share one time limit")
     times_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
@@ -258,7 +258,7 @@ def check_measure(key: str, spec: Mapping[str, Any]) -> None:
             raise DescriptionError(f"{key}.{needed}: missing; {name} takes {', '.join(allowed)}")
 
 
-def _straight_m(world: World, robot_index: int) -> float:
+def _straight_m(world: DrawnWorld, robot_index: int) -> float:
     start, goal = world.starts[robot_index], world.goals[robot_index]
     return math.hypot(goal.x_m - start.x_m, goal.y_m - start.y_m) - world.goal_tolerance_m
 

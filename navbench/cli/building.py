@@ -6,7 +6,7 @@ import json
 import math
 import re
 import typing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -20,7 +20,6 @@ from navbench.simulation.base import Simulator
 from navbench.validation import DescriptionError
 
 CONTROLLER = ("reset(setup, rng)", "act(observation)")
-SIMULATOR = ("reset(layout, starts, goal_tolerance_m)", "ranges()", "advance(t_s, dt_s)")
 
 
 def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Controller]:
@@ -59,7 +58,7 @@ def simulator_class(target: Any) -> type[Simulator]:
     Raises:
         DescriptionError: it names no such class.
     """
-    found: Any = located("simulator._target_", target, SIMULATOR)
+    found = located("simulator._target_", target, ())
     if not (inspect.isclass(found) and issubclass(found, Simulator)):
         raise DescriptionError(f"simulator._target_={target}: must name a subclass of {Simulator.__module__}.Simulator")
     return found
@@ -103,7 +102,7 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
 
 
 def _kind(methods: Sequence[str]) -> str:
-    return f"must name a class with {' and '.join(methods)}, as module.Class"
+    return f"must name a class{' with ' if methods else ''}{' and '.join(methods)}, as module.Class"
 
 
 def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]:
@@ -121,6 +120,13 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
     if lacks or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     return found  # type: ignore[no-any-return]
+
+
+def check_keys(values: Iterable[str], key: str, allowed: Sequence[str]) -> None:
+    """Check the names of what stands at a key; raises ``DescriptionError``."""
+    for name in values:
+        if name not in allowed:
+            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}")
 
 
 def _check_finite(key: str, value: Any) -> None:

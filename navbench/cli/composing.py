@@ -11,11 +11,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import yaml
 from hydra import compose, initialize_config_module
 from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, ValueType
 from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -23,7 +26,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from navbench.cli import schema
-from navbench.cli.catalogue import GROUPS, LISTED, check_folder
+from navbench.cli.catalogue import CONF, GROUPS, LISTED, check_folder
 from navbench.validation import DescriptionError
 
 KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
@@ -65,13 +68,14 @@ def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
         check_folder(Path(config_dir))
     schema.register()
     Plugins.instance().register(UserFolder)
-    token, before = FOLDER.set(config_dir), HydraConfig.instance().cfg
+    token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
+    GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
     try:
         with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
             yield Composer()
     finally:
         FOLDER.reset(token)
-        HydraConfig.instance().cfg = before
+        GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
 
 
 class Composer:
@@ -155,15 +159,16 @@ class Composer:
 
     def _compose_side(self, side: Sequence[str], *words: str) -> "_Side":
         """Return some groups of a run, composed without the others."""
+        run = yaml.safe_load((CONF / "run.yaml").read_text(encoding="utf-8"))
         without = [group for group in GROUPS if group not in side]
-        config = self._config("run", [*words, *(f"~{group}" for group in without)])
+        run["defaults"] = [entry for entry in run["defaults"] if not set(entry).intersection(without)]
+        ConfigStore.instance().store(name="side", node=run)
+        config = self._config("side", words)
         if not all(OmegaConf.is_missing(config, group) for group in without):
             raise HydraException(f"{', '.join(side)}: set what is not theirs")
         beside = [str(key) for key in config if key not in GROUPS]
         return _Side(
-            _plain(OmegaConf.masked_copy(config, list(side))),
-            _plain(OmegaConf.masked_copy(config, beside)),
-            {group: choice for group, choice in _choices().items() if group not in without},
+            _plain(OmegaConf.masked_copy(config, list(side))), _plain(OmegaConf.masked_copy(config, beside)), _choices()
         )
 
 
@@ -178,15 +183,22 @@ def combinations(words: Sequence[str]) -> list[list[str]]:
 
     Raises:
         hydra.errors.HydraException: a word cannot be read, or goes over what has no end.
+        DescriptionError: a glob finds nothing.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(list(words))
-    values = [
-        [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-        if override.is_sweep_override()
-        else [str(override.input_line)]
-        for override in parsed
-    ]
-    return [list(job) for job in itertools.product(*values)]
+    return [list(job) for job in itertools.product(*map(_single, parsed))]
+
+
+def _single(override: Override) -> list[str]:
+    """Return the words that a word of a sweep stands for."""
+    if not override.is_sweep_override():
+        return [str(override.input_line)]
+    values = list(override.sweep_string_iterator())
+    if override.value_type is ValueType.GLOB_CHOICE_SWEEP:
+        values = [value for value in values if not value.startswith("_")]  # these are parts of others
+        if not values:
+            raise DescriptionError(f"{override.input_line}: no name is like that")
+    return [f"{override.get_key_element()}={value}" for value in values]
 
 
 def check_words(words: Iterable[str]) -> None:

@@ -2,15 +2,15 @@
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from navbench.cli.building import controller_maker, simulator_class
+from navbench.cli.building import check_keys, controller_maker, simulator_class
 from navbench.cli.composing import Composed, composing
+from navbench.cli.worlds import world_of
 from navbench.episode.similarity import Native, Similarity, period_s
-from navbench.episode.starts import Jitter, check_fits
+from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell
 from navbench.records import Names
 from navbench.robot import Robot
@@ -53,31 +53,31 @@ def cell_of(run: Composed) -> Cell:
     }
     groups = {name: without(group, "sources") for name, group in groups.items()}
     controller = groups["controller"]
-    _check_keys(controller, "controller", ("build", "native", "sources", "tunable", "repair"))
+    check_keys(controller, "controller", ("build", "native", "sources", "tunable", "repair"))
     native, robot_drawn_for = _native(controller.get("native"))
     if native is not None:
         controller["native"] = {**controller["native"], "robot": robot_drawn_for}
     groups["controller"] = without(controller, "tunable", "repair")  # they are a tuning's
-    _check_keys(groups["world"], "world", [item.name for item in fields(World) if item.name != "name"])
-    world = describe(World, {**groups["world"], "name": names.world}, "world")
+    world, groups["world"] = world_of(groups["world"], names.world)
     robot = describe(Robot, groups["robot"], "robot")
     sensors = describe(Sensors, groups["sensors"], "sensors")
     simulator = simulator_class(groups["simulator"].get("_target_"))
     options = describe(simulator.Options, without(groups["simulator"], "_target_"), "simulator")
     groups["simulator"] = without(groups["simulator"], "gui")  # a window changes nothing that is measured
     make_controller = controller_maker(controller.get("build"), sensors, names)
-    check_fits(world, robot)
+    world.check_fits(robot.radius_m)
     _check_steps(world, robot, native)
     if options.gui and not simulator.has_window:
         raise DescriptionError(f"simulator.gui=True: {names.simulator} has no window")
     if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
+    alone = run.values["episode"]
     jitter = {key: run.values[key] for key in ("start_jitter_m", "start_heading_jitter_rad")}
     return Cell(
         names=names,
         configuration={**groups, **jitter},
         sources=sources,
-        make_controller=make_controller,
+        controller=make_controller.func,
         native=native,
         world=world,
         robot=robot,
@@ -85,14 +85,16 @@ def cell_of(run: Composed) -> Cell:
         simulator=simulator,
         options=options,
         jitter=Jitter(*jitter.values()),
-        episodes=run.values["episodes"],
         seed=run.values["seed"],
+        episodes=run.values["episodes"] if alone is None else 1,
+        first_episode=alone or 0,
     )
 
 
 def _check_numbers(values: Mapping[str, Any]) -> None:
     """Check the numbers beside the groups."""
     most = {"episodes": (1, EPISODES_MAX), "workers": (1, float("inf")), "seed": (0, SEED_MAX)}
+    most["episode"] = (0, EPISODES_MAX)
     for key, (low, high) in most.items():
         if values[key] is not None and not low <= values[key] <= high:
             allowed = f"at least {low}" if high == float("inf") else f"from {low} to {high}"
@@ -104,10 +106,7 @@ def _check_numbers(values: Mapping[str, Any]) -> None:
 
 def _check_steps(world: World, robot: Robot, native: Native | None) -> None:
     """Check that an episode ends within a number of periods and substeps that a machine can bear."""
-    speeds = [speed for mover in world.movers for speed in mover.speeds_mps]
-    if world.layout is not None and world.layout.movers is not None:
-        speeds.append(world.layout.movers.speed_mps[1])
-    fastest = max(robot.wheel_speed_max_mps, *speeds, 0.0)
+    fastest = max(robot.wheel_speed_max_mps, world.fastest_mps)
     period = period_s(native, Similarity.between(robot, native))
     step_s = min(period, SUBSTEP_RADII * robot.radius_m / fastest)
     if not world.time_limit_s <= STEPS_MAX * step_s:
@@ -137,17 +136,11 @@ def without(values: Mapping[str, Any], *keys: str) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key not in keys}
 
 
-def _check_keys(values: Mapping[str, Any], key: str, allowed: Iterable[str]) -> None:
-    for name in values:
-        if name not in allowed:
-            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}")
-
-
 def _native(values: Any) -> tuple[Native | None, dict[str, Any]]:
     """Return what a controller was drawn for, or None where it does not say, and that robot's plain values."""
     if values is None:
         return None, {}
-    _check_keys(_mapping(values, "controller.native"), "controller.native", ("robot", "period_s"))
+    check_keys(_mapping(values, "controller.native"), "controller.native", ("robot", "period_s"))
     for name in ("robot", "period_s"):
         if name not in values:
             raise DescriptionError(f"controller.native.{name}: missing; native needs a robot and a period_s")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from navbench.cli.composing import composing
 from navbench.cli.configuration import cell_of
 from navbench.cli.errors import one_line
-from navbench.experiments.running import run_cells
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: 
             cell, workers = cell_of(run), run.values["workers"]
     except Exception as error:  # Hydra composes with errors of many kinds
         raise DescriptionError(one_line(error)) from error
-    if path is not None:
-        return run_cells([cell], Path(path), workers).episodes()
     with tempfile.TemporaryDirectory() as folder:
-        return run_cells([cell], Path(folder), workers).episodes()
+        ran = run_plan(Plan(cells=(cell,)), Path(folder if path is None else path), workers)
+        if ran.finished < ran.planned:
+            raise DescriptionError(f"{ran.finished} of {ran.planned} episodes are there: {'; '.join(ran.reasons)}")
+        return ran.results.episodes()

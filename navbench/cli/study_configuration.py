@@ -14,9 +14,10 @@ from navbench.analysis.measures import check_measure
 from navbench.cli.building import made
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
 from navbench.cli.configuration import cell_of, without
+from navbench.cli.references import check_references
 from navbench.cli.tunable import dimensions_of
 from navbench.experiments.cells import Cell
-from navbench.experiments.studies import Planned, Study
+from navbench.experiments.plan import Plan
 from navbench.experiments.tunings import Objective, Tuning
 from navbench.report.sections import check_section
 from navbench.validation import STRICT, Count, DescriptionError, Flag, describe
@@ -115,7 +116,7 @@ def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = Non
         return tuning_of(composed, overrides, composer), path, composed.values["workers"]
 
 
-def compose_study(name: str, config_dir: str | Path | None = None) -> Study:
+def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
     """Return the study of a name.
 
     Raises:
@@ -135,27 +136,32 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Study:
             for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composer)
         )
         known = {tuning.name for tuning in tunings}
-        cells = []
+        cells: list[Cell] = []
         for i, spec in enumerate(file.cells):
             if spec.tuning and spec.tuning not in known:
                 allowed = ", ".join(sorted(known)) or "none: this study has no tunings"
                 raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; allowed: {allowed}")
-            cells += _cells(f"study/{name}.cells[{i}]", spec, composer)
+            own = [tuning for tuning in tunings if tuning.name == spec.tuning]
+            cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
     content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
-    return Study(name=name, tunings=tunings, cells=tuple(cells), content=content)
+    check_references(f"study/{name}", content, cells)
+    return Plan(cells=tuple(cells), tunings=tunings, study={"name": name, **content})
 
 
-def _cells(key: str, spec: CellSpec, composer: Composer) -> list[Planned]:
-    planned = []
+def _cells(key: str, spec: CellSpec, composer: Composer, tunings: Sequence[Tuning]) -> list[Cell]:
+    """Return the cells of one entry of a study; of one that is tuned, one for each of its tunings."""
+    cells = []
     for label, overrides in spec.labelled().items():
         for words in combinations(overrides):
             try:
                 cell = cell_of(composer.values("run", [*words, f"episodes={spec.episodes}", f"seed={spec.seed}"]))
             except DescriptionError as error:
                 raise DescriptionError(f"{key}: {error}") from None
-            cell = replace(cell, keep_trajectories=spec.trajectories)
-            planned.append(Planned(cell, spec.name, label, spec.tuning, spec.tuning_seeds))
-    return planned
+            cell = replace(cell, name=spec.name, label=label, keep_trajectories=spec.trajectories)
+            seeds = [tuning.seed for tuning in tunings if spec.tuning_seeds is None or tuning.seed in spec.tuning_seeds]
+            tuned = [replace(cell, tuning=spec.tuning, tuning_seed=seed) for seed in seeds]
+            cells += tuned if spec.tuning else [cell]
+    return cells
 
 
 def _tunings(key: str, spec: TuningSpec, composer: Composer) -> list[Tuning]:

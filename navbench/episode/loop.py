@@ -14,7 +14,7 @@ from navbench.contract import Command, Controller, Observation, Pose, Setup, tra
 from navbench.episode.failures import ContractError, Failure, failure, velocities, wrong_trace
 from navbench.episode.perception import Perception
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
-from navbench.episode.starts import Jitter, check_fits, draw_starts
+from navbench.episode.starts import Jitter, draw_starts
 from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
 from navbench.mathematics.streams import stream
 from navbench.records import Outcome, RobotRecord, Thing
@@ -22,7 +22,7 @@ from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import RobotState
-from navbench.simulation.scene import Scene
+from navbench.validation import DescriptionError
 from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
@@ -81,7 +81,7 @@ class EpisodeRunner:
         jitter: of the starts.
 
     Raises:
-        DescriptionError: these do not fit together (see ``check_fits``).
+        DescriptionError: these do not fit together (see ``World.check_fits``).
     """
 
     def __init__(
@@ -96,10 +96,9 @@ class EpisodeRunner:
         seed: int,
         jitter: Jitter,
     ) -> None:
-        check_fits(world, robot)
+        world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed = make_controller, seed
-        self._scene = Scene(world)
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
@@ -122,9 +121,12 @@ class EpisodeRunner:
         Args:
             episode: its index, which names its streams.
         """
-        starts = self.starts(episode)
+        try:
+            starts = self.starts(episode)
+        except DescriptionError as error:  # one bad draw costs its episode, not the study
+            return [RobotRecord.lost(i, "no_layout", str(error)) for i in range(self._template.robots)]
         simulator, time_limit_s = self.simulator, self._template.time_limit_s
-        simulator.reset(self._scene.world, starts, self._template.goal_tolerance_m)
+        simulator.reset(self._world, starts, self._template.goal_tolerance_m)
         pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
         for i, pilot in enumerate(pilots):
             if pilot.outcome == "controller_error":
@@ -140,12 +142,11 @@ class EpisodeRunner:
 
     def starts(self, episode: int) -> list[Pose]:
         """Draw an episode's layout and return where its robots begin, see ``draw_starts``."""
-        world = self._template.drawn_for(self.seed, episode)
-        self._scene = Scene(world)
-        return draw_starts(self._scene, self._robot.radius_m, self._jitter, self.seed, episode)
+        self._world = self._template.drawn_for(self.seed, episode)
+        return draw_starts(self._world, self._robot.radius_m, self._jitter, self.seed, episode)
 
     def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
-        world = self._scene.world
+        world = self._world
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
         perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
@@ -219,7 +220,7 @@ class EpisodeRunner:
             traces = traces[: len(states)]
         durations = np.diff(states[:, 0])
         n = len(durations)
-        goal, contacts = self._scene.world.goals[index], self.simulator.contacts[index]
+        goal, contacts = self._world.goals[index], self.simulator.contacts[index]
         if "heading_error_rad" in names:
             errors = traces[:n, names.index("heading_error_rad")]
         else:
@@ -240,7 +241,17 @@ class EpisodeRunner:
         latencies = np.array(pilot.latencies_s)
         said = Failure(f"hit {pilot.hit}") if pilot.hit else pilot.failure
         return RobotRecord(
-            index, pilot.outcome, said.reason, metrics, states, traces, names, latencies, pilot.hit, said.traceback
+            index,
+            pilot.outcome,
+            said.reason,
+            metrics,
+            states,
+            traces,
+            names,
+            latencies,
+            pilot.hit,
+            self._world,
+            said.traceback,
         )
 
 

@@ -86,7 +86,7 @@ def fair_comparison(
         rows = reading.select(**select, world=world)
         labels = [label for label in reading.labels if label in set(rows["label"])]
         here = [_compare(reading, select, title, world, label, reference) for label in labels]
-        limit_s = reading.world(rows["run_id"].iloc[0]).time_limit_s
+        limit_s = reading.time_limit_s(rows["run_id"].iloc[0])
         parts.append(f"### {title}\n\n{_table(here, out, f'{file}_{world}')}")
         if i == 0:
             parts.insert(0, NOTE.format(reference=reference, limit=limit_s) + "\n")
@@ -100,7 +100,7 @@ def fair_comparison(
 def _compare(reading: Reading, select: Select, title: str, world: str, label: str, reference: str) -> Comparison:
     """Return one controller in one world beside the reference."""
     rows = reading.pairs({**select, "world": world, "label": label}, {**select, "world": world, "label": reference})
-    limit_s = reading.world(rows["run_id"].iloc[0]).time_limit_s
+    limit_s = reading.time_limit_s(rows["run_id"].iloc[0])
     mine, other = outcomes(rows).values()
     time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     lengths = reached(rows)["path_length_m"].to_numpy()

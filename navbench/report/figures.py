@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import world_of
+from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
+from navbench.world.layout import DrawnWorld
 from navbench.world.shapes import Mover
-from navbench.world.world import World
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +25,13 @@ FloatArray = NDArray[np.float64]
 
 OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
 MOVER_EDGE = "#5e3f96"
-COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
+COLOURS = {
+    "reached": "#1b7f5a",
+    "collided": "#c1121f",
+    "timed_out": "#b5651d",
+    "controller_error": "#6a0dad",
+    "no_layout": "#7f7f7f",
+}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
 PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness
@@ -131,21 +137,22 @@ def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
     return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
 
 
-def save_trajectories(runs: Sequence[Results], file: Path) -> None:
-    """Draw all episodes of some results directories, a panel a cell, and save the picture.
+def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
+    """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
 
     Args:
-        runs: the directories.
+        results: the directory.
+        runs: the run_ids.
         file: where to save; its ending chooses the format.
     """
     from matplotlib.figure import Figure
 
-    panels = []
-    for results in runs:
-        episodes, trajectories = results.episodes(), results.trajectories()
-        for cell in results.manifest()["cells"]:
-            run = cell["run_id"]
-            panels.append((cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run]))
+    reading, episodes = Reading(results), results.episodes()
+    panels = [
+        (reading.configuration(run), reading.world_in_common(run), episodes[episodes["run_id"] == run],
+         reading.trajectory(run))
+        for run in runs
+    ]  # fmt: skip
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
@@ -157,20 +164,25 @@ def save_trajectories(runs: Sequence[Results], file: Path) -> None:
     _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
 
 
-def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
+def draw_cell(
+    ax: "Axes",
+    cell: dict[str, Any],
+    world: DrawnWorld | None,
+    episodes: "pd.DataFrame",
+    trajectories: "pd.DataFrame",
+) -> None:
     """Draw a world with the ways of all episodes, coloured by outcome.
 
     Args:
         ax: where to draw.
         cell: the cell's entry in the manifest.
+        world: what stands in all its episodes; None where no layout could be drawn.
         episodes: its rows of the table of episodes.
         trajectories: its rows of the table of trajectories.
     """
-    world = world_of(cell)
-    if world.layout is not None and cell["episodes"] == 1:
-        world = world.drawn_for(cell["seed"], 0)  # of several episodes, each has another layout
     robot = describe(Robot, cell["configuration"]["robot"], "robot")
-    draw_world(ax, world)
+    if world is not None:
+        draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
     for count, (key, way) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
         if count == LINES_MAX:
@@ -178,7 +190,7 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
         colour = COLOURS[outcomes[key]]
         ax.plot(way["x_m"], way["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4)
         ax.add_patch(_circle(way["x_m"].iloc[-1], way["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour))
-    for start in world.starts:
+    for start in () if world is None else world.starts:
         ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
     seen = [name for name in COLOURS if name in set(outcomes.values())]
     handles = [
@@ -188,12 +200,12 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
     ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
 
 
-def draw_world(ax: "Axes", world: World, t_s: float | None = None) -> None:
+def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
     """Draw a world: bounds, boxes, walls, discs, polygons, movers, goals and the finish line.
 
     Args:
         ax: where to draw.
-        world: what to draw, its layout drawn.
+        world: what to draw.
         t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their ways.
     """
     from matplotlib.patches import Polygon

@@ -143,7 +143,7 @@ def _ways(readings: Sequence[Reading], out: Path) -> list[str]:
         for ax in axes.ravel()[len(shown) :]:
             ax.set_axis_off()
         for ax, (reading, cell, episodes) in zip(axes.ravel(), shown, strict=False):
-            draw_cell(ax, cell, episodes, reading.trajectory(cell["run_id"]))
+            draw_cell(ax, cell, reading.world_in_common(cell["run_id"]), episodes, reading.trajectory(cell["run_id"]))
         parts.append(save_figure(figure, out, f"trajectories_{page // PANELS + 1}", "Trajectories, a panel a cell."))
     return ["## Trajectories\n", *parts] if parts else []
 

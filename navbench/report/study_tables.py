@@ -9,6 +9,7 @@ from navbench.analysis.measures import check_measure, measure
 from navbench.analysis.stored import Reading, reached
 from navbench.experiments.store import write_table
 from navbench.report.markup import MISSING, between, latex, markdown, number, save_table
+from navbench.report.tables import FAILURES
 from navbench.validation import DescriptionError, describe
 
 if TYPE_CHECKING:
@@ -84,14 +85,18 @@ def outcomes_table(
         for world in worlds.values():
             runs = reading.select(**select, world=world)
             good = reached(runs)
-            counts = [int((runs["outcome"] == name).sum()) for name in ("collided", "timed_out", "controller_error")]
+            counts = [int((runs["outcome"] == name).sum()) for name in FAILURES]
             time_s, length_m = good["time_s"].median(), good["path_length_m"].median()
             raw.append([title, world, len(runs), len(good), *counts, time_s, length_m])
-            failed = [f"{n} {word}" for n, word in zip(counts, ("collided", "timed out", "error"), strict=True) if n]
+            failed = [
+                f"{n} {word}"
+                for n, word in zip(counts, ("collided", "timed out", "error", "no layout"), strict=True)
+                if n
+            ]
             row += [f"{len(good)} of {len(runs)}" + (f" ({', '.join(failed)})" if failed else "")]
             row += [number(time_s, 2), number(length_m, 3)]
         rows.append(row)
-    names = ["cells", "world", "runs", "reached", "collided", "timed_out", "controller_error", "time_s"]
+    names = ["cells", "world", "runs", "reached", *FAILURES, "time_s"]
     headers = ["", *["reached", "time [s]", "length [m]"] * len(worlds)]
     table = pd.DataFrame(raw, columns=[*names, "path_length_m"])
     return save_table(out, file, table, headers, rows, dict.fromkeys(worlds, 3))

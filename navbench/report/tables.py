@@ -18,7 +18,7 @@ MEANS = (
     "total_turning_rad",
     "w_sign_changes",
 )
-FAILURES = ("collided", "timed_out", "controller_error")
+FAILURES = ("collided", "timed_out", "controller_error", "no_layout")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
 FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
 WHERE_MANY = ("sensors", "simulator", "seed")  # printed where a table's cells differ in them
@@ -35,7 +35,7 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 
     Returns:
         Columns controller, world, robot, sensors, simulator, seed, reached ("n of N"), collisions (the sum over all
-        robots), a mean of each metric, how many collided, timed out or met an error of their controller; and robots
+        robots), a mean of each metric, how many failed in each way (see ``FAILURES``); and robots
         (how many drive together), fleets ("n of N" episodes in which all reached) and the mean makespan_s of those.
     """
     import pandas as pd

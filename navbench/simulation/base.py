@@ -33,7 +33,7 @@ from navbench.simulation.motion import (
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.rays import Rays
 from navbench.simulation.scene import Scene
-from navbench.world.world import World
+from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ class Simulator(ABC):
 
     # --- what an episode asks ---
 
-    def reset(self, layout: World, starts: Sequence[Pose], goal_tolerance_m: float) -> None:
+    def reset(self, layout: Layout, starts: Sequence[Pose], goal_tolerance_m: float) -> None:
         """Begin an episode in a layout, with one robot at each start.
 
         Args:
@@ -145,7 +145,7 @@ class Simulator(ABC):
 
     def states(self) -> list[RobotState]:
         """Return what is known of each robot now."""
-        return [RobotState._make(row) for row in self.robots.tolist()]
+        return list(map(RobotState._make, self.robots.tolist()))
 
     @property
     def contacts(self) -> list[Contacts]:

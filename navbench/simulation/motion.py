@@ -102,9 +102,9 @@ def move(
     Args:
         robots: (n,) of ``ROBOT``.
         targets_mps: (n, 2) the command in force for each left and right wheel [m/s].
-        boxes: (k, 6) as in ``World.box_rows``.
-        discs: (m, 5) as in ``World.disc_rows``, at the substep's end.
-        polygons: (l, ...) as in ``World.polygon_rows``, at the substep's end.
+        boxes: (k, 6) as in ``Layout.box_rows``.
+        discs: (m, 5) as in ``Layout.disc_rows``, at the substep's end.
+        polygons: (l, ...) as in ``Layout.polygon_rows``, at the substep's end.
         fixed: (1,) of ``FIXED``.
         dt_s: the substep [s].
         substeps: how many at most; more than one only where nothing but the robots moves.

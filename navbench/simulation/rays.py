@@ -73,9 +73,9 @@ class Rays:
 
         Args:
             robots: (n,) of ``ROBOT``.
-            boxes: (k, 6) as in ``World.box_rows``.
-            discs: (m, 5) as in ``World.disc_rows``.
-            polygons: (l, ...) as in ``World.polygon_rows``.
+            boxes: (k, 6) as in ``Layout.box_rows``.
+            discs: (m, 5) as in ``Layout.disc_rows``.
+            polygons: (l, ...) as in ``Layout.polygon_rows``.
         """
         found = _deciding(robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons).tolist()
         return [found[begin:end] for begin, end in pairwise(found[: len(robots) + 1])]
