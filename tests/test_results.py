@@ -39,7 +39,7 @@ WORDS = (
 )
 EPISODE_COLUMNS = [
     "run_id", "controller", "world", "robot", "sensors", "simulator", "config_hash", "seed", "episode", "robot_index",
-    "outcome", "reason", "hit", "hit_index", "path_length_m", "time_s", "collisions", "min_clearance_m",
+    "outcome", "reason", "traceback", "hit", "hit_index", "path_length_m", "time_s", "collisions", "min_clearance_m",
     "mean_speed_mps", "heading_ise", "total_turning_rad", "w_sign_changes", "robot_collisions", "standing_collisions",
     "goal_distance_m",
 ]  # fmt: skip
