@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 NEWER := build/trixie
 STUDIES := aouf2019 zhao2017 zhao2018 nemeiksis2019 lei2014 papers
 
-.PHONY: run test test-newer lint format clean clean-cache tuned results
+.PHONY: run test test-newer lint format clean tuned results
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
@@ -43,9 +43,6 @@ $(STAMP): pyproject.toml constraints.txt
 
 clean:
 	rm -rf $(VENV) build outputs multirun .pytest_cache .mypy_cache .ruff_cache
-
-clean-cache: ## drop compiled functions: a cache notices changes of its own file only
-	find navbench controllers -name '*.nb[ic]' -delete
 
 tuned: $(STAMP) ## tune the PIDs of aouf2019 and evolve zhao2018's controller again, seed 0, into conf/controller
 	for tuner in pso abc fa; do \

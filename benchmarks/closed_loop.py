@@ -11,6 +11,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pybullet
@@ -22,6 +23,7 @@ from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.robot import Robot
 from navbench.sensors import Mount, Sensors
+from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.options import SimulatorOptions
 from navbench.world.shapes import Bounds, Disc, Point
 from navbench.world.world import Start, World
@@ -71,7 +73,16 @@ def rule_runner(robots: int) -> EpisodeRunner:
     )
     sensors = Sensors(drawn_for_radius_m=0.1, mounts=mounts, max_range_m=3.0)
     robot = Robot(radius_m=0.1, track_m=0.15, wheel_speed_max_mps=0.5)
-    return EpisodeRunner(Rule, Native(robot, 0.1), world, robot, sensors, SimulatorOptions(), 0, Jitter())
+    return EpisodeRunner(
+        make_controller=Rule,
+        make_simulator=partial(BulletSimulator, SimulatorOptions()),
+        native=Native(robot, 0.1),
+        world=world,
+        robot=robot,
+        sensors=sensors,
+        seed=0,
+        jitter=Jitter(),
+    )
 
 
 def sflc_runner() -> EpisodeRunner:
@@ -87,16 +98,16 @@ def swap_runner() -> EpisodeRunner:
 def bare_loop(runner: EpisodeRunner) -> Callable[[], int]:
     """Return the bare loop over the poses of one of the runner's episodes; it returns its control steps."""
     records = runner.run(0)
-    simulator = runner._simulator
-    client, rays, scale = simulator._client, simulator._rays, simulator._scale
+    simulator = runner.simulator
+    assert isinstance(simulator, BulletSimulator)
+    client, scale, begins, ends = simulator.client, simulator.scale, simulator.begins, simulator.ends
     steps: list[list[tuple[int, tuple[float, float, float], tuple[float, float, float, float]]]] = []
-    for body, record in zip(simulator._robot_bodies, records, strict=True):
+    for body, record in zip(simulator.bodies, records, strict=True):
         for k, (_, x, y, heading, _, _) in enumerate(record.states[:-1].tolist()):
             if k == len(steps):
                 steps.append([])
             turn = (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
             steps[k].append((body, (x * scale, y * scale, 0.0), turn))
-    begins, ends = rays.begins, rays.ends
 
     def loop() -> int:
         for robots in steps:

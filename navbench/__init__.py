@@ -1,4 +1,4 @@
-"""Compare reactive navigation controllers of wheeled robots in PyBullet worlds."""
+"""Compare reactive navigation controllers of wheeled robots in simulated worlds."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,6 +1,7 @@
 """What is kept of an episode and of the cell it belongs to: the words that the loop, the store and the reader share."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -10,6 +11,18 @@ from navbench.mathematics.metrics import Metrics
 
 FloatArray = NDArray[np.float64]
 Outcome = Literal["reached", "collided", "timed_out", "controller_error"]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Thing:
+    """Something that a robot can touch: of what kind, and which one of these in its world."""
+
+    kind: Literal["box", "disc", "mover", "polygon", "robot", "wall"]
+    index: int
+
+    def __str__(self) -> str:
+        """Return what people call it, such as "disc 0"."""
+        return f"{self.kind} {self.index}"
 
 
 class RobotRecord(NamedTuple):
@@ -25,6 +38,7 @@ class RobotRecord(NamedTuple):
         traces: (n + 1, n_names) the controller's trace, native; nan at the end, where it acted no more.
         trace_names: its names.
         latencies_s: (n,) the time of each act on the machine's clock [s].
+        hit: what a robot that collided hit.
     """
 
     robot_index: int
@@ -35,6 +49,7 @@ class RobotRecord(NamedTuple):
     traces: FloatArray
     trace_names: tuple[str, ...]
     latencies_s: FloatArray
+    hit: Thing | None = None
 
 
 class Names(NamedTuple):
@@ -58,6 +73,7 @@ class CellKey(NamedTuple):
         run_id: digits over config_hash and seed; two runs of the same cell share it.
         seed: of every stream.
         episodes: how many, from index 0.
+        packages: what the simulator runs on, whose versions belong to the results.
     """
 
     names: Names
@@ -67,6 +83,7 @@ class CellKey(NamedTuple):
     run_id: str
     seed: int
     episodes: int
+    packages: tuple[str, ...] = ()
 
 
 class StudyCell(NamedTuple):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,10 @@ from navbench.episode.starts import Jitter
 from navbench.records import RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Mount, Sensors
-from navbench.simulation.bullet import Simulator
+from navbench.simulation.base import Simulator
+from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.contacts import Event
 from navbench.simulation.options import SimulatorOptions
-from navbench.simulation.scene import Scene
 from navbench.world.shapes import Bounds, Mover, Point
 from navbench.world.world import Start, World
 
@@ -80,9 +81,10 @@ def a_simulator(
     poses: Sequence[Pose] | None = None,
 ) -> Simulator:
     """Return a simulator with its robots at these poses, or at the world's starts."""
-    simulator = Simulator(robot, sensors.scaled_to(robot.radius_m), options, robot.wheel_accel_max_mps2)
-    simulator.reset(
-        Scene(world),
+    simulator = BulletSimulator(options, robot, sensors.scaled_to(robot.radius_m), robot.wheel_accel_max_mps2)
+    reset(
+        simulator,
+        world,
         [Pose(start.x_m, start.y_m, world.start_heading_rad(i)) for i, start in enumerate(world.starts)]
         if poses is None
         else poses,
@@ -90,9 +92,15 @@ def a_simulator(
     return simulator
 
 
+def reset(simulator: Simulator, world: World, poses: Sequence[Pose]) -> None:
+    """Begin an episode with the robots at these poses."""
+    simulator.reset(world, poses, world.goal_tolerance_m)
+
+
 def pose_of(simulator: Simulator, index: int = 0) -> Pose:
     """Return where a robot is."""
-    return Pose(*simulator.rows()[index][:3])
+    state = simulator.states()[index]
+    return Pose(state.x_m, state.y_m, state.heading_rad)
 
 
 def drive(
@@ -167,7 +175,16 @@ def a_runner(
 
     if native is None and period_s is not None:
         native = Native(robot, period_s)
-    return EpisodeRunner(make, native, world, robot, sensors, options, seed, jitter)
+    return EpisodeRunner(
+        make_controller=make,
+        make_simulator=partial(BulletSimulator, options),
+        native=native,
+        world=world,
+        robot=robot,
+        sensors=sensors,
+        seed=seed,
+        jitter=jitter,
+    )
 
 
 def run(

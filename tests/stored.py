@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
-from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.records import CellKey, Names, RobotRecord, StudyCell, Thing, TuningKey
 
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]
@@ -70,7 +70,7 @@ def a_drive(
     v_mps: Sequence[float],
     outcome: Any = "reached",
     index: int = 0,
-    reason: str = "",
+    hit: Thing | None = None,
     places: Sequence[tuple[float, float]] | None = None,
     contacts: tuple[int, int, int] = (0, 0, 0),
     time_s: float | None = None,
@@ -82,7 +82,7 @@ def a_drive(
         v_mps: its speed in each period; as in a run, the last one is repeated at the end, where no trace is left.
         outcome: how it ended.
         index: which robot.
-        reason: what it hit.
+        hit: what it hit.
         places: where it was at the beginning of each period and at the end.
         contacts: all its contacts, those with robots, and those while it stood.
         time_s: when it ended; without it, after the last period.
@@ -96,7 +96,7 @@ def a_drive(
     traces = np.array([[*values, math.nan] for values in trace.values()]).reshape(len(trace), count + 1).T
     end_s = float(count) if time_s is None else time_s
     metrics = Metrics(1.0, end_s, contacts[0], 0.1, 1.0 / end_s, 1.0, 0.5, 2, *contacts[1:], 0.0)
-    return RobotRecord(index, outcome, reason, metrics, states, traces, tuple(trace), np.full(count, 1e-5))
+    return RobotRecord(index, outcome, "", metrics, states, traces, tuple(trace), np.full(count, 1e-5), hit)
 
 
 def a_cell(

@@ -8,11 +8,12 @@ import pytest
 from scenes import BLOCK, IDEAL, Scripted, a_robot, a_world, always, run, run_one, schedule, to_and_fro
 
 from navbench.contract import Command, Observation
-from navbench.records import RobotRecord
+from navbench.records import RobotRecord, Thing
+from navbench.simulation.bullet import prism
 from navbench.simulation.contacts import ContactLedger, Contacts
 from navbench.simulation.motion import ROBOT
 from navbench.simulation.options import SimulatorOptions
-from navbench.simulation.scene import Scene, prism
+from navbench.simulation.scene import Scene
 from navbench.world.shapes import Disc, Point, Polygon, Wall
 from navbench.world.world import FinishLine, Start, World
 
@@ -142,7 +143,7 @@ def test_a_contact_names_the_mover_by_its_place_in_the_world(index: int, outline
         for k, y in enumerate(lanes)
     )
     record = run_one(a_world(movers=movers, starts=starts((0, lanes[index], 0))), always(0.0))
-    assert record.reason == f"hit mover {index}"
+    assert (record.hit, record.reason) == (Thing("mover", index), f"hit mover {index}")
     assert record.metrics.time_s == pytest.approx((6.0 - 1.0 - (0.5 if outlined else 1.0)) / 2.0, abs=0.13)
 
 
@@ -184,10 +185,10 @@ def test_each_robots_distance_is_to_its_own_goal_even_where_its_controller_fails
 # --- the ledger ---
 
 
-def test_a_contact_is_of_a_robot_by_its_reason_alone() -> None:
-    contacts = Contacts().and_one("hit robot 12", stands=False).and_one("hit wall 0", stands=True)
-    assert contacts.and_one("hit robot 0", stands=True) == (3, 2, 2)
-    assert Contacts().and_one("hit mover 1", stands=False) == (1, 0, 0)
+def test_contacts_count_what_is_a_robot_apart() -> None:
+    contacts = Contacts().plus(Thing("robot", 12), stands=False).plus(Thing("wall", 0), stands=True)
+    assert contacts.plus(Thing("robot", 0), stands=True) == (3, 2, 2)
+    assert Contacts().plus(Thing("mover", 1), stands=False) == (1, 0, 0)
 
 
 def rows_of(clearance_m: float, left: float = 1.0, right: float = 1.0) -> np.ndarray[Any, np.dtype[np.void]]:
@@ -206,14 +207,14 @@ def test_a_held_robot_counts_again_only_after_it_was_further_away() -> None:
         (0.02, False, 1, False),
         (0.01, True, 2, True),
     ):
-        ledger.hold({0: "hit wall 0"} if touches else {}, rows_of(clearance_m), 1.0)
+        ledger.hold({0: Thing("wall", 0)} if touches else {}, rows_of(clearance_m), 1.0)
         assert (ledger.counts[0].total, ledger.any_held, ledger.touching[0]) == (total, held, touches)
 
 
 @pytest.mark.parametrize(("left", "right", "stands"), [(0.0, 0.0, 1), (0.0, 0.1, 0), (-0.1, 0.0, 0), (-0.1, 0.1, 0)])
 def test_a_robot_stands_where_both_wheels_do(left: float, right: float, stands: int) -> None:
     ledger = ContactLedger(1)
-    ledger.add(0, "hit robot 1", rows_of(0.0, left, right))
+    ledger.add(0, Thing("robot", 1), rows_of(0.0, left, right))
     assert ledger.counts == [(1, 1, stands)]
 
 
@@ -232,12 +233,12 @@ def mixed() -> World:
     return a_world(movers=movers, polygons=(Polygon(corners=square),), discs=(disc,))
 
 
-def test_movers_keep_their_names_and_places_whatever_their_shape(mixed: World) -> None:
+def test_movers_keep_their_numbers_and_places_whatever_their_shape(mixed: World) -> None:
     scene = Scene(mixed)
     scene.move_to(2.0)
-    places = dict(zip(scene.mover_names(), scene.mover_places().tolist(), strict=True))
-    assert places == {f"mover {k}": [float(k), 2.0 * (1.0 + k)] for k in range(4)}
-    assert places == {f"mover {k}": list(mover.place(2.0)) for k, mover in enumerate(mixed.movers)}
+    places = dict(zip(scene.mover_order(), scene.mover_places().tolist(), strict=True))
+    assert places == {k: [float(k), 2.0 * (1.0 + k)] for k in range(4)}
+    assert places == {k: list(mover.place(2.0)) for k, mover in enumerate(mixed.movers)}
     assert scene.fastest_mps == 4.0
 
 
@@ -278,6 +279,6 @@ def test_a_prism_has_two_triangles_a_side_and_no_repeated_corner(mixed: World) -
 def test_a_standing_scene_moves_nothing() -> None:
     scene = Scene(a_world(discs=(Disc(x_m=9.0, y_m=0.0, radius_m=1.0),)))
     scene.move_to(5.0)
-    assert scene.mover_names() == []
+    assert scene.mover_order() == []
     assert scene.mover_places().shape == (0, 2)
     assert scene.fastest_mps == 0.0

@@ -195,7 +195,7 @@ def test_a_disc_is_met_from_hull_to_hull_by_whichever_robot_and_not_when_it_was_
     for within_m, share in ((0.0999, 0.0), (0.1001, 0.5), (0.3999, 0.5), (0.4001, 1.0)):
         found = value_of(reading, "share_of_discs_met", within_m=within_m, select=A)
         assert (found.value, found.n) == (share, 2)
-    hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, "hit disc 0", along)]
+    hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, Thing("disc", 0), along)]
     reading = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
     found = value_of(reading, "share_of_discs_met", within_m=9.0, select=A)
     assert (found.value, found.n) == (0.75, 4)

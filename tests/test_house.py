@@ -16,7 +16,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "navbench"
 
 FLOORS = {
-    "contract": 0,  # floor 0: the contract and mathematics
+    "compiled": 0,  # floor 0: the contract and mathematics
+    "contract": 0,
     "mathematics": 0,
     "fuzzy": 0,
     "tuning": 0,

@@ -149,8 +149,8 @@ def test_an_error_in_a_robot_simulator_or_suite_names_its_key_its_value_and_what
     [
         ([{"role": "a"}, {"role": "b"}, {"role": "a"}], ["mounts", "once", "a is repeated"]),
         ([{"role": "a", "min_range_m": 2.0}], ["mounts[0]", "min_range_m=2.0", "below max_range_m=1.0"]),
-        ([{"role": "a", "rays": 8193}], ["rays", "8193", "8192"]),
-        ([{"role": "a", "rays": 4096}, {"role": "b", "rays": 4097}], ["rays", "8193", "8192"]),
+        ([{"role": "a", "rays": 10001}], ["rays", "10001", "10000"]),
+        ([{"role": "a", "rays": 5000}, {"role": "b", "rays": 5001}], ["rays", "10001", "10000"]),
     ],
 )
 def test_mounts_that_do_not_go_together_are_refused(mounts: list[dict[str, Any]], words: list[str]) -> None:

@@ -96,10 +96,10 @@ def share_of_discs_met(reading: Reading, within_m: float, select: Select) -> Mea
         world = reading.world(run_id, robots[0]["episode"])
         robot = describe(Robot, reading.configuration(run_id)["configuration"]["robot"], "robot")
         places = np.concatenate([reading.way(row)[["x_m", "y_m"]].to_numpy() for row in robots])
-        reasons = set(fleet["reason"])
+        hit = set(fleet.loc[fleet["hit"] == "disc", "hit_index"])
         for i, disc in enumerate(world.discs):
             away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m
-            met.append(away <= within_m and f"hit disc {i}" not in reasons)
+            met.append(away <= within_m and i not in hit)
     return Measured.share(met)
 
 

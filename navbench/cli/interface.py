@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navbench.cli.configuration import cell_of, compose_run
+from navbench.cli.composing import composing
+from navbench.cli.configuration import cell_of
 from navbench.cli.errors import one_line
 from navbench.experiments.running import run_cells
 from navbench.validation import DescriptionError
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
 def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: str | None) -> "pd.DataFrame":
     """Run one cell and return its table of episodes; see ``navbench.run``."""
     try:
-        run = compose_run(*overrides, config_dir=config_dir)
-        cell, workers = cell_of(run), run.values["workers"]
+        with composing(config_dir) as composer:
+            run = composer.values("run", overrides)
+            cell, workers = cell_of(run), run.values["workers"]
     except Exception as error:  # Hydra composes with errors of many kinds
         raise DescriptionError(one_line(error)) from error
     if path is not None:

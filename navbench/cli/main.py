@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from navbench.experiments.store import Results
 
-HELP = """navbench: compare reactive navigation controllers of wheeled robots in PyBullet worlds
+HELP = """navbench: compare reactive navigation controllers of wheeled robots in simulated worlds
 
   navbench controller=sflc world=deadlock           run one cell and print its table
   navbench -m controller=sflc,pid world=deadlock,no_deadlock

@@ -88,6 +88,11 @@ def _with_sources(schema: type) -> type:
     return make_dataclass(schema.__name__, [("sources", dict[str, Any], sources)], bases=(schema,))
 
 
+def _with_target(schema: type) -> type:
+    """Return a schema with the dotted name of the class that has these options."""
+    return make_dataclass(schema.__name__, [("_target_", str, omegaconf.MISSING)], bases=(schema,))
+
+
 def register() -> None:
     """Put the schemas into Hydra's store, and beside them the resolver ``deg``: degrees to radians."""
     store = ConfigStore.instance()
@@ -96,5 +101,5 @@ def register() -> None:
     store.store(group="schema", name="robot", node=_with_sources(schema_of(Robot)))
     store.store(group="schema", name="world", node=_with_sources(schema_of(World, without=("name",))))
     store.store(group="schema", name="sensors", node=_with_sources(schema_of(Sensors)))
-    store.store(group="schema", name="simulator", node=_with_sources(schema_of(SimulatorOptions)))
+    store.store(group="schema", name="simulator", node=_with_sources(_with_target(schema_of(SimulatorOptions))))
     OmegaConf.register_new_resolver("deg", math.radians, replace=True)

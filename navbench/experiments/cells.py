@@ -20,6 +20,7 @@ from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
+from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
 from navbench.validation import DescriptionError
 from navbench.world.world import World
@@ -40,7 +41,8 @@ class Cell:
         world: the world.
         robot: the robot.
         sensors: the sensor suite, as drawn.
-        options: the simulator's options.
+        simulator: the simulator's class.
+        options: its options.
         jitter: of the starts.
         episodes: how many episodes, from index 0.
         seed: of every stream.
@@ -55,6 +57,7 @@ class Cell:
     world: World
     robot: Robot
     sensors: Sensors
+    simulator: type[Simulator]
     options: SimulatorOptions
     jitter: Jitter
     episodes: int
@@ -65,7 +68,16 @@ class Cell:
         """Return what results know of this cell."""
         config_hash = digest([self.names, self.configuration])
         run_id = digest([config_hash, self.seed])
-        return CellKey(self.names, self.configuration, self.sources, config_hash, run_id, self.seed, self.episodes)
+        return CellKey(
+            self.names,
+            self.configuration,
+            self.sources,
+            config_hash,
+            run_id,
+            self.seed,
+            self.episodes,
+            self.simulator.packages,
+        )
 
     def with_parameters(self, values: Mapping[str, Any]) -> "Cell":
         """Return the same cell with other parameters of its controller.
@@ -95,14 +107,14 @@ class Cell:
     def runner(self) -> EpisodeRunner:
         """Return what runs this cell's episodes in this process."""
         return EpisodeRunner(
-            self.make_controller,
-            self.native,
-            self.world,
-            self.robot,
-            self.sensors,
-            self.options,
-            self.seed,
-            self.jitter,
+            make_controller=self.make_controller,
+            make_simulator=partial(self.simulator, self.options),
+            native=self.native,
+            world=self.world,
+            robot=self.robot,
+            sensors=self.sensors,
+            seed=self.seed,
+            jitter=self.jitter,
         )
 
 

@@ -7,11 +7,9 @@ that was finished, and the same work writes the same bytes.
 import json
 import os
 import platform
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +23,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = 1
+PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "hydra-core", "scipy")
 STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
 
 
@@ -62,7 +61,9 @@ class Results:
             "study": study,
             "cells": [_described(cell) for cell in cells],
             "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
-            "versions": _versions(),
+            "versions": {
+                name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.key.packages)})
+            },
             "python": platform.python_version(),
             "platform": f"{platform.system()} {platform.machine()}",
             "began": _now(),
@@ -298,6 +299,8 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
             "robot_index": record.robot_index,
             "outcome": record.outcome,
             "reason": record.reason,
+            "hit": "" if record.hit is None else record.hit.kind,
+            "hit_index": -1 if record.hit is None else record.hit.index,
             **record.metrics._asdict(),
         }
         for episode, record in records
@@ -346,16 +349,6 @@ def _latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
             }
         )
     return pa.Table.from_pylist(rows)
-
-
-def _versions() -> dict[str, str]:
-    """Return the version of navbench and of each package that it depends on here."""
-    names = [re.split(r"[^\w.-]", need, maxsplit=1)[0] for need in requires("navbench") or () if "extra ==" not in need]
-    found = {"navbench": version("navbench")}
-    for name in names:
-        with suppress(PackageNotFoundError):  # a package of other systems
-            found[name] = version(name)
-    return found
 
 
 def write_table(file: Path, text: str) -> None:

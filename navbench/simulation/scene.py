@@ -37,10 +37,9 @@ class Scene:
             place_movers(t_s, *self._round_tables, self.discs)
             place_movers(t_s, *self._outlined_tables, self.polygons)
 
-    def mover_names(self) -> list[str]:
-        """Return the movers' names, the round ones first, as in the rows of ``mover_places``."""
-        outlined = [bool(mover.outline) for mover in self.world.movers]
-        return [f"mover {i}" for kind in (False, True) for i, is_kind in enumerate(outlined) if is_kind == kind]
+    def mover_order(self) -> list[int]:
+        """Return the movers' numbers in the world, the round ones first, as in the rows of ``mover_places``."""
+        return sorted(range(len(self.world.movers)), key=lambda i: bool(self.world.movers[i].outline))
 
     def mover_places(self) -> FloatArray:
         """Return where the movers are: (n, 2) x, y [m], the round ones first."""
@@ -54,19 +53,3 @@ class Scene:
     def distance(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the nearest thing [m], infinite where there is none."""
         return distance_to_nearest(x_m, y_m, self.boxes, self.discs, self.polygons)
-
-
-def prism(polygon: FloatArray, half_height_m: float) -> tuple[list[tuple[float, float, float]], list[int]]:
-    """Return a polygon's sides as triangles: vertices [m] around its x and y, and three indices a triangle.
-
-    It has no lids, which nothing in the plane could touch.
-
-    Args:
-        polygon: (5 + 2 k,) as in ``polygon_table``.
-        half_height_m: how far it reaches to either side of the plane [m].
-    """
-    corners = list(dict.fromkeys(map(tuple, polygon[5:].reshape(-1, 2).tolist())))
-    count = len(corners)
-    vertices = [(x, y, z) for z in (-half_height_m, half_height_m) for x, y in corners]
-    sides = [(k, (k + 1) % count) for k in range(count)]
-    return vertices, [i for a, b in sides for i in (a, b, count + b, a, count + b, count + a)]

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass
 
+from navbench.compiled import compiled
 from navbench.validation import STRICT, DescriptionError, Flag, NonNegative, Number, Positive
 
 FloatArray = NDArray[np.float64]
@@ -199,7 +199,7 @@ def polygon_table(outlines: Sequence[tuple[float, float, float, Sequence[Point]]
     return rows
 
 
-@numba.njit(cache=True)
+@compiled
 def place_movers(t_s: float, phases: FloatArray, legs: FloatArray, discs: FloatArray) -> None:
     """Write the movers' places and velocities at a time into the last rows of ``discs``.
 
