@@ -6,7 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, reset, to_and_fro
+from scenes import (
+    BLIND,
+    BLOCK,
+    IDEAL,
+    RADII,
+    a_ring,
+    a_robot,
+    a_simulator,
+    a_world,
+    again,
+    drive,
+    pose_of,
+    reset,
+    to_and_fro,
+)
 from shapes import Round, assert_readings_are_analytic, clearance, clutter, shapes_of
 
 from navbench.contract import Pose
