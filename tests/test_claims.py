@@ -10,7 +10,12 @@ from navbench.analysis.measures import check_measure
 from navbench.report.sections import check_section
 from navbench.validation import DescriptionError, describe
 
-STUDY = yaml.safe_load((Path(__file__).parents[1] / "conf/study/aouf2019.yaml").read_text())
+CONF = Path(__file__).parents[1] / "conf/study"
+STUDY = {
+    key: value
+    for name in ("aouf2019", "aouf2019/claims", "aouf2019/report")
+    for key, value in yaml.safe_load((CONF / f"{name}.yaml").read_text()).items()
+}
 PID_SPEED_MPS = 0.15
 
 
