@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
@@ -137,7 +137,7 @@ def store(
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
-) -> Reading:
+) -> StoredResults:
     """Write a results directory and return it as it is read.
 
     Args:
@@ -166,4 +166,4 @@ def store(
     for name, table in (descriptions or {}).items():
         results.write_description(name, table)
     results.end()
-    return Reading(results)
+    return StoredResults(results)

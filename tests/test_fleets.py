@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from stored import CROSSING, LIMIT_S, ROBOT, WORLD, Fleet, a_cell, a_drive, a_record, store
 
-from navbench.analysis.claims import Measured
 from navbench.analysis.fleets import fleets
 from navbench.analysis.measures import measure
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
+from navbench.mathematics.statistics import Estimate
 from navbench.report.evolution import evolution, gains
 from navbench.report.figures import MOVER as MOVER_COLOUR
 from navbench.report.fleet_figures import _spans, fleet_table, frames, wheel_velocities
@@ -50,7 +50,7 @@ def a_fleet(*times_s: float | None, contacts: tuple[tuple[int, int, int], ...] =
     ]
 
 
-def two_controllers(path: Path) -> Reading:
+def two_controllers(path: Path) -> StoredResults:
     here = [a_fleet(10.0, 12.0), a_fleet(30.0, 20.0), a_fleet(5.0, None), a_fleet(None, None)]
     there = [a_fleet(11.0, 11.0), a_fleet(11.0, None), a_fleet(None, None), a_fleet(None, 9.0)]
     return store(path, [(a_cell("A"), here), (a_cell("B"), there)])
@@ -125,8 +125,8 @@ def test_fleets_are_printed_only_where_robots_drive_together(tmp_path: Path) -> 
 # --- measures of fleets ---
 
 
-def value_of(reading: Reading, name: str, **arguments: Any) -> Measured:
-    found = measure(reading, name, arguments)
+def value_of(stored: StoredResults, name: str, **arguments: Any) -> Estimate:
+    found = measure(stored, name, arguments)
     assert found is not None
     return found
 
@@ -141,17 +141,19 @@ def test_fleets_are_compared_episode_by_episode(tmp_path: Path) -> None:
     found = value_of(two_controllers(tmp_path), "difference_in_fleets", select=A, than=B)
     assert (found.value, found.n) == (0.25, 4)
     assert found.low < 0.25 < found.high
-    back = value_of(Reading(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A)
+    back = value_of(
+        StoredResults(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A
+    )
     assert back.value == -0.25
 
 
 def test_fleets_that_never_met_the_same_world_have_no_difference(tmp_path: Path) -> None:
     cells = [(a_cell("A", "plain"), [a_fleet(9.0, 9.0)]), (a_cell("B", "other"), [a_fleet(9.0, 9.0)])]
-    reading = store(tmp_path, cells)
-    assert measure(reading, "difference_in_fleets", {"select": A, "than": B}) is None
-    assert measure(reading, "difference_in_reached", {"select": A, "than": B}) is None
-    assert measure(reading, "difference_in_time", {"select": A, "than": B}) is None
-    assert measure(reading, "median_decrease", {"metric": "time_s", "select": A, "than": B}) is None
+    stored = store(tmp_path, cells)
+    assert measure(stored, "difference_in_fleets", {"select": A, "than": B}) is None
+    assert measure(stored, "difference_in_reached", {"select": A, "than": B}) is None
+    assert measure(stored, "difference_in_time", {"select": A, "than": B}) is None
+    assert measure(stored, "median_decrease", {"metric": "time_s", "select": A, "than": B}) is None
 
 
 def test_only_shared_episodes_are_compared(tmp_path: Path) -> None:
@@ -170,17 +172,17 @@ MOVER = {
 @pytest.mark.parametrize("phase_s", [0.0, 3.3, 100.0])
 def test_a_movers_speed_is_told_leg_by_leg_as_a_share_of_the_wheels_limit(phase_s: float, tmp_path: Path) -> None:
     scene = {**WORLD, "movers": [{**MOVER, "speeds_mps": [0.25, 0.25]}, {**MOVER, "phase_s": phase_s}]}
-    reading = store(tmp_path, [(a_cell("A", scene=scene), [a_record(), a_record()])])
+    stored = store(tmp_path, [(a_cell("A", scene=scene), [a_record(), a_record()])])
     assert ROBOT["wheel_speed_max_mps"] == 0.5
     for mover, leg, share in ((1, 0, 0.8), (1, 1, 0.2), (1, 2, 0.2), (1, 3, 0.8), (0, 1, 0.5)):
-        found = value_of(reading, "mover_speed", mover=mover, leg=leg, select=A)
+        found = value_of(stored, "mover_speed", mover=mover, leg=leg, select=A)
         assert found == pytest.approx((share, share, share, 1))
 
 
 def test_a_movers_speed_counts_each_cell_once(tmp_path: Path) -> None:
     scenes = {f"w{speed}": {**WORLD, "movers": [{**MOVER, "speeds_mps": [speed, 0.1]}]} for speed in (0.1, 0.2, 0.4)}
-    reading = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
-    assert value_of(reading, "mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
+    stored = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
+    assert value_of(stored, "mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
 
 
 DISCS = [{"x_m": 1.0, "y_m": 0.5, "radius_m": 0.3}, {"x_m": 2.0, "y_m": -0.7, "radius_m": 0.2}]
@@ -190,20 +192,20 @@ def test_a_disc_is_met_from_hull_to_hull_by_whichever_robot_and_not_when_it_was_
     scene = {**WORLD, "boxes": [], "discs": DISCS}
     still, along = [(0.0, -0.9)] * 4, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)]
     fleet = [a_drive([0.1] * 3, index=0, places=still), a_drive([0.1] * 3, index=1, places=along)]
-    reading = store(tmp_path / "met", [(a_cell("A", scene=scene), [fleet])])
+    stored = store(tmp_path / "met", [(a_cell("A", scene=scene), [fleet])])
     # hulls of 0.1 m pass the first disc at 0.5 - 0.3 - 0.1 = 0.1 m, the second at 0.7 - 0.2 - 0.1 = 0.4 m
     for within_m, share in ((0.0999, 0.0), (0.1001, 0.5), (0.3999, 0.5), (0.4001, 1.0)):
-        found = value_of(reading, "share_of_discs_met", within_m=within_m, select=A)
+        found = value_of(stored, "share_of_discs_met", within_m=within_m, select=A)
         assert (found.value, found.n) == (share, 2)
     hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, "hit disc 0", along)]
-    reading = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
-    found = value_of(reading, "share_of_discs_met", within_m=9.0, select=A)
+    stored = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
+    found = value_of(stored, "share_of_discs_met", within_m=9.0, select=A)
     assert (found.value, found.n) == (0.75, 4)
 
 
 def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
-    reading = store(tmp_path, [(a_cell("A"), [a_fleet(9.0, 9.0)])])
-    assert measure(reading, "share_of_discs_met", {"within_m": 1.0, "select": A}) is None
+    stored = store(tmp_path, [(a_cell("A"), [a_fleet(9.0, 9.0)])])
+    assert measure(stored, "share_of_discs_met", {"within_m": 1.0, "select": A}) is None
 
 
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
@@ -215,8 +217,8 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
     for one in drawn:  # each robot stands in the middle of every disc in turn
         places = [(disc.x_m, disc.y_m) for disc in one.discs]
         episodes.append([a_drive([0.1] * (len(places) - 1), index=0, places=places)])
-    reading = store(tmp_path / "in", [(cell, episodes)])
-    found = value_of(reading, "share_of_discs_met", within_m=-0.4, select=A)
+    stored = store(tmp_path / "in", [(cell, episodes)])
+    found = value_of(stored, "share_of_discs_met", within_m=-0.4, select=A)
     assert (found.value, found.n) == (1.0, sum(len(one.discs) for one in drawn))
 
 
@@ -225,31 +227,31 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
 
 def test_the_stored_world_is_drawn_as_it_was_in_the_run(tmp_path: Path) -> None:
     cell = a_cell("A", "crossing", scene=CROSSING)
-    reading = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)])])
-    first, second = reading.world(cell.key.run_id), reading.world(cell.key.run_id, 1)
+    stored = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)])])
+    first, second = stored.world(cell.key.run_id), stored.world(cell.key.run_id, 1)
     assert first.layout is second.layout is None
     assert first.movers
     assert first != second
-    assert first == reading.world(cell.key.run_id, 0)
+    assert first == stored.world(cell.key.run_id, 0)
     assert first.starts == second.starts
 
 
 def test_each_tuning_makes_a_pair_only_when_asked(tmp_path: Path) -> None:
     tuned = [(a_cell("A", tuning="pso", seed=seed), [a_fleet(9.0, 8.0)]) for seed in (0, 1, 2)]
-    reading = store(tmp_path, [*tuned, (a_cell("B"), [a_fleet(7.0, 6.0)])])
+    stored = store(tmp_path, [*tuned, (a_cell("B"), [a_fleet(7.0, 6.0)])])
     with pytest.raises(DescriptionError, match="A met the same start several times"):
-        reading.pairs(A, B)
-    pairs = reading.pairs(A, B, each=True)
+        stored.pairs(A, B)
+    pairs = stored.pairs(A, B, each=True)
     assert sorted(zip(pairs["tuning_seed"], pairs["robot_index"], pairs["time_s_other"], strict=True)) == [
         (seed, robot, 7.0 - robot) for seed in (0, 1, 2) for robot in (0, 1)
     ]
-    assert len(reading.pairs(B, A, each=True)) == 6
+    assert len(stored.pairs(B, A, each=True)) == 6
 
 
 # --- frames and wheel speeds ---
 
 
-def a_crossing(path: Path) -> Reading:
+def a_crossing(path: Path) -> StoredResults:
     straight = [[(1.0 + k, 5.0 + 0.1 * k) for k in range(19)], [(19.0 - k, 5.0) for k in range(10)]]
     fleet = [
         a_drive([0.5] * (len(places) - 1), index=i, places=places, on=[0] + [1] * (len(places) - 2))
@@ -261,11 +263,11 @@ def a_crossing(path: Path) -> Reading:
 def test_frames_show_every_robot_where_it_was_and_the_movers_of_that_episode(
     tmp_path: Path, kept: list[Figure]
 ) -> None:
-    reading = a_crossing(tmp_path / "in")
+    stored = a_crossing(tmp_path / "in")
     select = {"label": "A", "episode": 1}
-    text = frames(reading, tmp_path, file="f", caption="Frames.", select=select, times_s=[0.0, 4.5, 99.0], columns=2)
+    text = frames(stored, tmp_path, file="f", caption="Frames.", select=select, times_s=[0.0, 4.5, 99.0], columns=2)
     assert "figures/f.png" in text
-    world = reading.world(reading.episodes["run_id"][0], 1)
+    world = stored.world(stored.episodes["run_id"][0], 1)
     shown = [ax for ax in kept[0].axes if ax.axison]
     assert [ax.xaxis.get_tick_params()["labelbottom"] for ax in shown] == [False, True, True]  # below b) is nothing
     assert [ax.get_title() for ax in shown] == ["a) 0.0 s", "b) 4.5 s", "c) 99.0 s"]
@@ -301,9 +303,9 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
     turning = a_drive([0.3, 0.2, 0.1, 0.3], index=0, on=[0, 1, 1, 0])
     turning.states[:, 5] = 0.4
     ahead = a_drive([0.3, 0.3], index=1, on=[1, 1])
-    reading = store(tmp_path / "in", [(a_cell("A"), [[turning, ahead], [turning]])])
+    stored = store(tmp_path / "in", [(a_cell("A"), [[turning, ahead], [turning]])])
     panels = {"two": {"label": "A", "episode": 0}, "one": {"label": "A", "episode": 1}}
-    wheel_velocities(reading, tmp_path, file="w", caption="Wheels.", panels=panels, active="on", marked="on")
+    wheel_velocities(stored, tmp_path, file="w", caption="Wheels.", panels=panels, active="on", marked="on")
     axes = np.array(kept[0].axes).reshape(2, 2)
     assert [[ax.axison for ax in row] for row in axes] == [[True, True], [True, False]]
     left, right = axes[0, 0].lines
@@ -332,9 +334,9 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
         (a_cell("A"), [a_fleet(10.0, 12.0, contacts=contacts), a_fleet(20.0, 30.0), a_fleet(5.0, None)]),
         (a_cell("B"), [a_fleet(None, None)]),
     ]
-    reading = store(tmp_path / "in", cells)
+    stored = store(tmp_path / "in", cells)
     text = fleet_table(
-        reading, tmp_path, file="t", select={"name": "printed"}, worlds={"Fig 1": "plain"}, labels=["A", "B"]
+        stored, tmp_path, file="t", select={"name": "printed"}, worlds={"Fig 1": "plain"}, labels=["A", "B"]
     )
     one, other = pd.read_csv(tmp_path / "tables/t.csv").to_dict("records")
     assert (one["label"], other["label"]) == ("A", "B")
@@ -355,7 +357,7 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
 COSTS = {("ga", 0): [8.0, 6.0, 9.0, 4.0, 5.0], ("ga", 2): [10.0, 12.0, 11.0, 9.0], ("pso", 0): [3.0, 4.0, 5.0]}
 
 
-def evolved(path: Path) -> Reading:
+def evolved(path: Path) -> StoredResults:
     return store(path, [(a_cell("A"), [a_record()])], costs=COSTS)
 
 
@@ -388,8 +390,8 @@ def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Pa
     assert [text.get_text() for text in legend.get_texts()] == ["seed 0", "seed 2", "first population"]
 
 
-def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> Reading:
-    """Return A's and B's times, None where they failed; A's way is 2 m, B's 4 m."""
+def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> StoredResults:
+    """Return A's and B's times, None where they failed; A's path is 2 m, B's 4 m."""
     sides = [
         [a_record("collided" if t is None else "reached", t or 1.0, length_m) for t in times]
         for times, length_m in zip(zip(*pairs, strict=True), (2.0, 4.0), strict=True)

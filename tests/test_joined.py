@@ -13,7 +13,7 @@ import pytest
 from stored import a_cell, a_record, store
 from test_reports import CLAIM, STUDY
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.crossing import crossed_tables, success_map
 from navbench.report.joined import read_claims, read_study, write_joined
 from navbench.report.reports import write_report
@@ -182,7 +182,7 @@ def test_the_small_manifest_keeps_summary_and_errata(joined: Path) -> None:
 
 
 @pytest.fixture
-def crossed(tmp_path: Path) -> Reading:
+def crossed(tmp_path: Path) -> StoredResults:
     """Two controllers in two worlds: F alone in one, in the other in pairs, of which one half fails."""
     pair = [a_record(time_s=12.0), a_record("collided", 1.0, 0.2)._replace(robot_index=1)]
     cells = [
@@ -191,13 +191,13 @@ def crossed(tmp_path: Path) -> Reading:
         (a_cell("F", "other"), [a_record(time_s=11.0)] * 2),
         (a_cell("G", "other"), [a_record(time_s=13.0)] * 2),
     ]
-    reading = store(tmp_path / "in", cells)
+    stored = store(tmp_path / "in", cells)
     pairs = [(0, pair[0]), (0, pair[1]), (1, pair[0]), (1, pair[0]._replace(robot_index=1))]
-    reading.results.write_batch(cells[2][0].key, range(2), pairs)
-    return Reading(reading.results)
+    stored.results.write_batch(cells[2][0].key, range(2), pairs)
+    return StoredResults(stored.results)
 
 
-def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: Reading, tmp_path: Path) -> None:
+def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: StoredResults, tmp_path: Path) -> None:
     text = crossed_tables(crossed, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
     assert "| one paper | plain | 2 of 3 [0.21, 0.94] | 0 of 3 [0.00, 0.56] |" in text
     assert "| another | other | 1 of 2 [0.09, 0.91] | 2 of 2 [0.34, 1.00] |" in text
@@ -209,7 +209,7 @@ def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: R
     assert table[["success", "episodes"]].to_numpy().tolist() == [[pytest.approx(2 / 3), 3], [0, 3], [0.5, 2], [1, 2]]
 
 
-def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: Reading, tmp_path: Path) -> None:
+def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: StoredResults, tmp_path: Path) -> None:
     panels = {"panel 1": {"name": "printed"}}
     success_map(crossed, tmp_path, file="m", caption="c", panels=panels, groups=GROUPS, home={"F": "another"})
     drawn = (tmp_path / "figures/m.svg").read_text()
@@ -221,13 +221,13 @@ def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: R
     assert shares == pytest.approx([2 / 3, 0.0, 0.5, 1.0])
 
 
-def test_a_home_that_is_no_group_is_refused(crossed: Reading, tmp_path: Path) -> None:
+def test_a_home_that_is_no_group_is_refused(crossed: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match="home=elsewhere: there is no such group; allowed: one paper, another"):
         success_map(crossed, tmp_path, file="m", caption="c", panels={"": {}}, groups=GROUPS, home={"F": "elsewhere"})
 
 
 def test_a_controller_that_missed_a_world_is_refused(tmp_path: Path) -> None:
     cells = [(a_cell("F", "plain"), [a_record()]), (a_cell("G", "other"), [a_record()])]
-    reading = store(tmp_path / "in", cells)
+    stored = store(tmp_path / "in", cells)
     with pytest.raises(DescriptionError, match="select: F has no episodes in other"):
-        crossed_tables(reading, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
+        crossed_tables(stored, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)

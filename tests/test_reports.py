@@ -14,11 +14,11 @@ import pandas as pd
 import pytest
 from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store
 
-from navbench.analysis.claims import Measured
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.experiments.engines import in_processes
 from navbench.experiments.store import Results
+from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord, StudyCell
 from navbench.report.comparison import fair_comparison
 from navbench.report.figures import PALETTE, styles, thinned
@@ -203,7 +203,7 @@ def a_crossing(periods: int) -> Fleet:
     return fleet
 
 
-def smoke(path: Path) -> Reading:
+def smoke(path: Path) -> StoredResults:
     """Return a small study with everything that the sections ask for."""
     rng = np.random.default_rng(3)
     cells: list[tuple[StudyCell, Sequence[RobotRecord | Fleet]]] = []
@@ -237,12 +237,12 @@ def smoke(path: Path) -> Reading:
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Reading:
+def stored(tmp_path_factory: pytest.TempPathFactory) -> StoredResults:
     return smoke(tmp_path_factory.mktemp("smoke"))
 
 
 @pytest.fixture(scope="module")
-def files(stored: Reading, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def files(stored: StoredResults, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The small study's report, which takes seconds: what it says that it wrote."""
     return write_report([stored.results], tmp_path_factory.mktemp("report"))
 
@@ -261,7 +261,7 @@ def test_the_smoke_study_has_every_section() -> None:
 
 
 @pytest.mark.parametrize("name", SECTIONS)
-def test_every_section_runs_and_links_only_to_what_it_wrote(name: str, stored: Reading, tmp_path: Path) -> None:
+def test_every_section_runs_and_links_only_to_what_it_wrote(name: str, stored: StoredResults, tmp_path: Path) -> None:
     (spec,) = [spec for spec in STUDY["report"] if spec["name"] == name]
     check_section("report", spec)
     text = write_section(stored, tmp_path, spec)
@@ -280,7 +280,9 @@ def test_a_report_lists_its_files_and_holds_title_summary_and_making(files: list
     assert not re.search(r"/tmp|/home", text)
 
 
-def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, written: Path, tmp_path: Path) -> None:
+def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(
+    stored: StoredResults, written: Path, tmp_path: Path
+) -> None:
     code = (
         "import sys\n"
         "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
@@ -295,7 +297,9 @@ def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, 
     assert bytes_of(tmp_path) == bytes_of(written)
 
 
-def test_a_report_is_the_same_bytes_from_several_processes(stored: Reading, written: Path, tmp_path: Path) -> None:
+def test_a_report_is_the_same_bytes_from_several_processes(
+    stored: StoredResults, written: Path, tmp_path: Path
+) -> None:
     write_report([stored.results], tmp_path, partial(in_processes, workers=2))
     assert bytes_of(tmp_path) == bytes_of(written)
 
@@ -371,10 +375,8 @@ def test_outcomes_count_failures_and_take_medians_of_the_reached(tmp_path: Path)
 def test_dying_early_never_looks_fast_in_the_comparison(tmp_path: Path) -> None:
     slow = [a_record(time_s=30.0 + i) for i in range(8)]
     dying = [a_record("collided", 0.5, 0.1)] * 7 + [a_record(time_s=5.0)]
-    reading = store(tmp_path / "in", [(a_cell("F"), slow), (a_cell("D"), dying)])
-    fair_comparison(
-        reading, tmp_path, file="fair", select={"name": "printed"}, worlds={"plain": "plain"}, reference="F"
-    )
+    stored = store(tmp_path / "in", [(a_cell("F"), slow), (a_cell("D"), dying)])
+    fair_comparison(stored, tmp_path, file="fair", select={"name": "printed"}, worlds={"plain": "plain"}, reference="F")
     row = pd.read_csv(tmp_path / "tables/fair_plain.csv").set_index("label").loc["D"]
     assert row["time_s"] == pytest.approx((7 * LIMIT_S + 5.0) / 8)
     assert row["time_difference_s"] > 0.0
@@ -383,7 +385,7 @@ def test_dying_early_never_looks_fast_in_the_comparison(tmp_path: Path) -> None:
     assert row["shorter_n"] == 1
 
 
-def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: Reading, tmp_path: Path) -> None:
+def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: StoredResults, tmp_path: Path) -> None:
     sources(stored, tmp_path, file="s")
     rows = pd.read_csv(tmp_path / "tables/s.csv", keep_default_na=False, dtype=str).to_dict("records")
     found = {(row["part"], row["parameter"], row["source"]): row for row in rows}
@@ -405,12 +407,12 @@ def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: Reading,
     ],
 )
 def test_a_measured_figure_is_told_in_several_forms(form: str, expected: str) -> None:
-    assert format(Told(Measured(0.25, 0.1, 0.5, 8)), form) == expected
+    assert format(Told(Estimate(0.25, 0.1, 0.5, 8)), form) == expected
     assert format(Told(None), form) == "no case"
 
 
 @pytest.mark.parametrize("say", ["{b:count}", "{a:furlongs}", "{a"])
-def test_a_sentence_that_cannot_be_told_is_refused(say: str, stored: Reading, tmp_path: Path) -> None:
+def test_a_sentence_that_cannot_be_told_is_refused(say: str, stored: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"sentences\[0\]\.say"):
         findings(stored, tmp_path, sentences=[{"say": say, "with": {"a": FASTER}}])
 
@@ -438,7 +440,7 @@ def test_an_argument_with_a_default_may_be_left_out() -> None:
     )
 
 
-def test_rules_that_differ_from_the_first_ones_have_a_star(stored: Reading, tmp_path: Path) -> None:
+def test_rules_that_differ_from_the_first_ones_have_a_star(stored: StoredResults, tmp_path: Path) -> None:
     tables = {"printed": "sflc-rules", "evolved": "evolved-rules"}
     text = SECTIONS["rules_compared"](stored, tmp_path, file="r", tables=tables)
     assert "| heading_error | turn | speed: printed | speed: evolved |" in text
@@ -446,7 +448,7 @@ def test_rules_that_differ_from_the_first_ones_have_a_star(stored: Reading, tmp_
     assert "| P | P | S | L* |" in text
 
 
-def test_a_missing_description_is_named(stored: Reading, tmp_path: Path) -> None:
+def test_a_missing_description_is_named(stored: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"'zhao-surface'.*sflc-surface"):
         SECTIONS["surface"](stored, tmp_path, file="s", caption="c", table="zhao-surface")
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from navbench.analysis.measures import RESAMPLING_SEED
-from navbench.analysis.stored import Reading, outcomes, reached
+from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics.statistics import (
-    Interval,
+    Estimate,
     WinRatio,
     median_and_range,
     newcombe_paired,
@@ -43,22 +43,22 @@ class Comparison(NamedTuple):
         time_difference_s: less the reference's [s].
         wins: against the reference.
         length_m: the median length of those that reached, with the range [m]; None where none did.
-        shorter: of the pairs in which both reached, the share in which the way was shorter than the reference's.
+        shorter: of the pairs in which both reached, the share in which the path was shorter than the reference's.
     """
 
     world: str
     label: str
-    reached: Interval
-    reached_difference: Interval | None
-    time_s: Interval
-    time_difference_s: Interval | None
+    reached: Estimate
+    reached_difference: Estimate | None
+    time_s: Estimate
+    time_difference_s: Estimate | None
     wins: WinRatio | None
-    length_m: Interval | None
-    shorter: Interval | None
+    length_m: Estimate | None
+    shorter: Estimate | None
 
 
 def fair_comparison(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -71,7 +71,7 @@ def fair_comparison(
     """Return how controllers do over the same starts: who arrives, when, and against a reference start by start.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         select: which cells.
@@ -83,24 +83,24 @@ def fair_comparison(
     found: list[Comparison] = []
     parts = []
     for i, (title, world) in enumerate(worlds.items()):
-        rows = reading.select(**select, world=world)
-        labels = [label for label in reading.labels if label in set(rows["label"])]
-        here = [_compare(reading, select, title, world, label, reference) for label in labels]
-        limit_s = reading.world(rows["run_id"].iloc[0]).time_limit_s
+        rows = stored.select(**select, world=world)
+        labels = [label for label in stored.labels if label in set(rows["label"])]
+        here = [_compare(stored, select, title, world, label, reference) for label in labels]
+        limit_s = stored.world(rows["run_id"].iloc[0]).time_limit_s
         parts.append(f"### {title}\n\n{_table(here, out, f'{file}_{world}')}")
         if i == 0:
             parts.insert(0, NOTE.format(reference=reference, limit=limit_s) + "\n")
         found += here
-    parts.append(_forest(found, out, file, list(worlds), styles(reading.labels)))
+    parts.append(_forest(found, out, file, list(worlds), styles(stored.labels)))
     if speeds_mps:
-        parts.append(_sweep(found, out, f"{file}_speeds", list(worlds), speeds_mps, level, styles(reading.labels)))
+        parts.append(_sweep(found, out, f"{file}_speeds", list(worlds), speeds_mps, level, styles(stored.labels)))
     return "\n".join(parts)
 
 
-def _compare(reading: Reading, select: Select, title: str, world: str, label: str, reference: str) -> Comparison:
+def _compare(stored: StoredResults, select: Select, title: str, world: str, label: str, reference: str) -> Comparison:
     """Return one controller in one world beside the reference."""
-    rows = reading.pairs({**select, "world": world, "label": label}, {**select, "world": world, "label": reference})
-    limit_s = reading.world(rows["run_id"].iloc[0]).time_limit_s
+    rows = stored.pairs({**select, "world": world, "label": label}, {**select, "world": world, "label": reference})
+    limit_s = stored.world(rows["run_id"].iloc[0]).time_limit_s
     mine, other = outcomes(rows).values()
     time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     lengths = reached(rows)["path_length_m"].to_numpy()
@@ -166,12 +166,12 @@ def _table(found: Sequence[Comparison], out: Path, stem: str) -> str:
     return save_table(out, stem, pd.DataFrame(raw), headers, printed)
 
 
-def _columns(name: str, interval: Interval | None) -> dict[str, float | None]:
+def _columns(name: str, interval: Estimate | None) -> dict[str, float | None]:
     value, low, high = interval[:3] if interval else (None, None, None)
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
-def _told(interval: Interval | None, decimals: int) -> str:
+def _told(interval: Estimate | None, decimals: int) -> str:
     if interval is None:
         return MISSING
     return f"{number(interval.value, decimals)} {between(interval.low, interval.high, decimals)}"

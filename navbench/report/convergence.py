@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.mathematics.statistics import friedman, median_and_range
 from navbench.report.figures import Style, new_figure, save_figure, styles
 from navbench.report.markup import save_table
@@ -18,12 +18,12 @@ PARAMETERS_SHOWN_MAX = 8  # of more, as of a whole rule table, a table shows not
 
 
 def tuners_compared(
-    reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str], unit: str
+    stored: StoredResults, out: Path, *, file: str, caption: str, tunings: Mapping[str, str], unit: str
 ) -> str:
     """Return how tuners fell over an equal budget and what they found, over their seeds.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -32,7 +32,7 @@ def tuners_compared(
     """
     import pandas as pd
 
-    rows = reading.evaluations
+    rows = stored.evaluations
     best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
     parameters = [name for name in rows.columns if name not in NO_PARAMETERS and best[name].dtype.kind in "fi"]
     parameters = [name for name in parameters if best[name].notna().all()]
@@ -57,7 +57,7 @@ def tuners_compared(
     entries = kept.to_numpy(dtype=object).tolist()
     told = [[f"{x:.6g}" if isinstance(x, float) else str(x) for x in entry] for entry in entries]
     save_table(out, f"{file}_best", kept, list(kept.columns), told)
-    figure = _convergence(reading, rows, out, file, caption, tunings, unit)
+    figure = _convergence(stored, rows, out, file, caption, tunings, unit)
     test = (
         f"Median [range] over the seeds. Friedman's test over {ranking.n} seeds: chi-square {ranking.statistic:.2f}, "
         f"p = {ranking.p_value:.2g}; the mean rank is 1 for the least cost. "
@@ -67,10 +67,16 @@ def tuners_compared(
 
 
 def _convergence(
-    reading: Reading, rows: "pd.DataFrame", out: Path, stem: str, caption: str, tunings: Mapping[str, str], unit: str
+    stored: StoredResults,
+    rows: "pd.DataFrame",
+    out: Path,
+    stem: str,
+    caption: str,
+    tunings: Mapping[str, str],
+    unit: str,
 ) -> str:
     """Return the figure of the least cost so far over the evaluations, all of it and near its end."""
-    style = styles(reading.labels)
+    style = styles(stored.labels)
     figure, axes = new_figure(1, 2, 4.6, 3.2)
     final = []
     for name, label in tunings.items():

@@ -1,4 +1,4 @@
-"""Sections of a report in which every controller meets every world: who arrives, how soon, by which way."""
+"""Sections of a report in which every controller meets every world: who arrives, how soon, by which path."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from navbench.analysis.fleets import fleets
-from navbench.analysis.stored import Reading, reached
+from navbench.analysis.stored import StoredResults, reached
 from navbench.experiments.store import write_table
-from navbench.mathematics.statistics import Interval, share
+from navbench.mathematics.statistics import Estimate, share
 from navbench.report.figures import PALETTE, new_figure, save_figure
 from navbench.report.markup import MISSING, between, number, save_table
 from navbench.validation import DescriptionError
@@ -35,27 +35,27 @@ class Crossing(NamedTuple):
         arrived: how many robots reached.
         robots: of how many.
         time_s: the median time of those [s]; nan where none reached.
-        length_m: the median length of their ways [m]; nan where none reached.
+        length_m: the median length of their paths [m]; nan where none reached.
     """
 
     group: str
     world: str
     label: str
-    success: Interval
+    success: Estimate
     arrived: int
     robots: int
     time_s: float
     length_m: float
 
 
-def crossed_tables(reading: Reading, out: Path, *, file: str, select: Select, groups: Groups) -> str:
+def crossed_tables(stored: StoredResults, out: Path, *, file: str, select: Select, groups: Groups) -> str:
     """Return who arrives in which world, with the median time and length of those, a row a world.
 
     An episode succeeds when all its robots reach, so that its success is one case, however many robots drive. Time and
     length are medians over the robots that reached, in the world's own units; how many did stands beside them.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         select: which cells.
@@ -63,8 +63,8 @@ def crossed_tables(reading: Reading, out: Path, *, file: str, select: Select, gr
     """
     import pandas as pd
 
-    found = _crossings(reading, select, groups)
-    labels = _labels(reading, found)
+    found = _crossings(stored, select, groups)
+    labels = _labels(stored, found)
     told = {
         "success": ("Episodes in which all robots reached [95 % interval]", _success),
         "time": ("Median time of the robots that reached [s]", lambda c: _median(c, c.time_s, 1)),
@@ -95,7 +95,7 @@ def crossed_tables(reading: Reading, out: Path, *, file: str, select: Select, gr
 
 
 def success_map(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -107,7 +107,7 @@ def success_map(
     """Return the share of episodes in which all robots reached, as a picture: a row a controller, a column a world.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -120,8 +120,8 @@ def success_map(
     unknown = set(home.values()) - set(groups)
     if unknown:
         raise DescriptionError(f"home={sorted(unknown)[0]}: there is no such group; allowed: {', '.join(groups)}")
-    found = {title: _crossings(reading, select, groups) for title, select in panels.items()}
-    rows = {title: _labels(reading, crossings) for title, crossings in found.items()}
+    found = {title: _crossings(stored, select, groups) for title, select in panels.items()}
+    rows = {title: _labels(stored, crossings) for title, crossings in found.items()}
     heights = [len(labels) for labels in rows.values()]
     height = 0.34 * sum(heights) / len(heights) + 0.9
     figure, axes = new_figure(len(panels), 1, 11.5, height, height_ratios=heights)
@@ -134,13 +134,13 @@ def success_map(
     return f"{save_figure(figure, out, file, caption)}\n[CSV](tables/{file}.csv)\n"
 
 
-def _crossings(reading: Reading, select: Select, groups: Groups) -> list[Crossing]:
+def _crossings(stored: StoredResults, select: Select, groups: Groups) -> list[Crossing]:
     """Return every controller in every world, the worlds in the order of their groups."""
     found = []
     for group, worlds in groups.items():
         for world in worlds:
-            rows = reading.select(**select, world=world)
-            for label in (label for label in reading.labels if label in set(rows["label"])):
+            rows = stored.select(**select, world=world)
+            for label in (label for label in stored.labels if label in set(rows["label"])):
                 mine = rows[rows["label"] == label]
                 good = reached(mine)
                 success = share(fleets(mine)["success"].to_numpy(dtype=bool))
@@ -149,14 +149,14 @@ def _crossings(reading: Reading, select: Select, groups: Groups) -> list[Crossin
     return found
 
 
-def _labels(reading: Reading, found: Sequence[Crossing]) -> list[str]:
+def _labels(stored: StoredResults, found: Sequence[Crossing]) -> list[str]:
     """Return the controllers that met every world, in the study's order.
 
     Raises:
         DescriptionError: one of them met some worlds only.
     """
     worlds = {c.world for c in found}
-    labels = [label for label in reading.labels if label in {c.label for c in found}]
+    labels = [label for label in stored.labels if label in {c.label for c in found}]
     for label in labels:
         missing = worlds - {c.world for c in found if c.label == label}
         if missing:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.figures import new_figure, save_figure
 from navbench.report.markup import save_table
 from navbench.report.study_tables import description
@@ -12,7 +12,7 @@ LEVELS = 10  # steps of colour
 
 
 def surface_2d(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -25,7 +25,7 @@ def surface_2d(
     """Return a described value over two others, as colours with lines of equal value.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -34,7 +34,7 @@ def surface_2d(
         y: its column that is drawn upwards.
         value: its column that is drawn as a colour.
     """
-    described = description(reading, table).pivot(index=y, columns=x, values=value)
+    described = description(stored, table).pivot(index=y, columns=x, values=value)
     across, up, values = described.columns.to_numpy(), described.index.to_numpy(), described.to_numpy()
     figure, axes = new_figure(1, 1, 6.0, 4.2)
     ax = axes[0, 0]
@@ -46,17 +46,17 @@ def surface_2d(
     return save_figure(figure, out, file, caption)
 
 
-def counts(reading: Reading, out: Path, *, file: str, table: str, by: Sequence[str]) -> str:
+def counts(stored: StoredResults, out: Path, *, file: str, table: str, by: Sequence[str]) -> str:
     """Return how often each combination of some columns of a described table comes up; the CSV holds the whole table.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         table: the name of the described table.
         by: the columns.
     """
-    described = description(reading, table)
+    described = description(stored, table)
     counted = described.groupby(list(by), sort=True).size().reset_index(name="count")
     headers = [name.replace("_", " ") for name in counted.columns]
     return save_table(out, file, described, headers, counted.astype(str).to_numpy().tolist())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navbench.analysis.measures import RESAMPLING_SEED
-from navbench.analysis.stored import Reading, outcomes
+from navbench.analysis.stored import StoredResults, outcomes
 from navbench.mathematics.statistics import bootstrap_median, newcombe_paired, share
 from navbench.report.figures import PALETTE, new_figure, save_figure
 from navbench.report.markup import MISSING, number, save_table
@@ -22,12 +22,19 @@ LEGEND_COLUMNS = 4
 
 
 def evolution(
-    reading: Reading, out: Path, *, file: str, caption: str, tunings: Mapping[str, str], first: int, columns: int = 2
+    stored: StoredResults,
+    out: Path,
+    *,
+    file: str,
+    caption: str,
+    tunings: Mapping[str, str],
+    first: int,
+    columns: int = 2,
 ) -> str:
     """Return how the cost fell, a panel a tuning and a line a seed, and what the first population alone would give.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -37,7 +44,7 @@ def evolution(
     """
     import pandas as pd
 
-    rows = reading.evaluations
+    rows = stored.evaluations
     columns = min(columns, len(tunings))
     figure, axes = new_figure(-(-len(tunings) // columns), columns, 4.6, 2.9)
     raw, printed = [], []
@@ -73,17 +80,17 @@ def evolution(
     return f"{save_figure(figure, out, file, caption)}\n{table}"
 
 
-def rules_compared(reading: Reading, out: Path, *, file: str, tables: Mapping[str, str]) -> str:
+def rules_compared(stored: StoredResults, out: Path, *, file: str, tables: Mapping[str, str]) -> str:
     """Return rule bases that controllers offer of themselves, side by side; what differs from the first has a star.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         tables: what each rule base is called, and the name of its described table; all have the same inputs, in the
             same order, and the outputs last.
     """
-    found = {title: description(reading, table) for title, table in tables.items()}
+    found = {title: description(stored, table) for title, table in tables.items()}
     first = next(iter(found.values()))
     inputs = [name for name in first.columns if all((table[name] == first[name]).all() for table in found.values())]
     outputs = [name for name in first.columns if name not in inputs]
@@ -102,7 +109,7 @@ def rules_compared(reading: Reading, out: Path, *, file: str, tables: Mapping[st
 
 
 def gains(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -115,7 +122,7 @@ def gains(
     are at least 10 pairs, else with the range. An increase is negative.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         rows: for each row's title, ``select`` (the cells that are said to have gained) and ``than`` (the others).
@@ -125,7 +132,7 @@ def gains(
 
     raw, told = [], []
     for title, sides in rows.items():
-        pairs = reading.pairs(sides["select"], sides["than"], each=True)
+        pairs = stored.pairs(sides["select"], sides["than"], each=True)
         mine, other = outcomes(pairs).values()
         both = pairs[mine & other]
         shares = [tuple(share(side)[:3]) if len(pairs) else (float("nan"),) * 3 for side in (mine, other)]

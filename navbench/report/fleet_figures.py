@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.fleets import fleets
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.mathematics.statistics import share
 from navbench.report.figures import PALETTE, draw_circle, draw_world, new_figure, robot_color, save_figure
 from navbench.report.markup import number, save_table
@@ -28,7 +28,7 @@ FRAMES = 10  # where no times are given, so many, evenly from the beginning to t
 
 
 def frames(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -37,10 +37,10 @@ def frames(
     times_s: Sequence[float] = (),
     columns: int = 5,
 ) -> str:
-    """Return an episode of a fleet in frames a), b), ...: robots with their headings and ways so far, and movers.
+    """Return an episode of a fleet in frames a), b), ...: robots with their headings and paths so far, and movers.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -48,19 +48,19 @@ def frames(
         times_s: when [s]; without any, ten times from the beginning to the end.
         columns: how many frames stand side by side.
     """
-    rows = reading.select(**select).to_dict("records")
-    ways = [reading.way(row) for row in rows]
-    world = reading.world(rows[0]["run_id"], rows[0]["episode"])
-    robot = describe(Robot, reading.configuration(rows[0]["run_id"])["configuration"]["robot"], "robot")
-    end_s = max(float(way["t_s"].iloc[-1]) for way in ways)
+    rows = stored.select(**select).to_dict("records")
+    trajectories = [stored.trajectory(row) for row in rows]
+    world = stored.world(rows[0]["run_id"], rows[0]["episode"])
+    robot = describe(Robot, stored.configuration(rows[0]["run_id"])["configuration"]["robot"], "robot")
+    end_s = max(float(trajectory["t_s"].iloc[-1]) for trajectory in trajectories)
     times = list(times_s) or np.linspace(0.0, end_s, FRAMES).tolist()
     columns, b = min(columns, len(times)), world.bounds
     height = TITLE_INCHES + WIDTH_INCHES * min((b.y_max_m - b.y_min_m) / (b.x_max_m - b.x_min_m), 2.0)
     figure, axes = new_figure(-(-len(times) // columns), columns, WIDTH_INCHES, height, sharex=True, sharey=True)
     for i, (ax, t_s) in enumerate(zip(axes.ravel(), times, strict=False)):
         draw_world(ax, world, t_s)
-        for way, color in zip(ways, map(robot_color, range(len(ways))), strict=True):
-            so_far = way[way["t_s"] <= t_s]
+        for trajectory, color in zip(trajectories, map(robot_color, range(len(trajectories))), strict=True):
+            so_far = trajectory[trajectory["t_s"] <= t_s]
             ax.plot(so_far["x_m"], so_far["y_m"], color=color, linewidth=1.0, zorder=5)
             x, y, heading = so_far[["x_m", "y_m", "heading_rad"]].iloc[-1]
             draw_circle(ax, x, y, robot.radius_m, color)
@@ -78,12 +78,12 @@ def frames(
 
 
 def wheel_velocities(
-    reading: Reading, out: Path, *, file: str, caption: str, panels: Mapping[str, Select], active: str, marked: str
+    stored: StoredResults, out: Path, *, file: str, caption: str, panels: Mapping[str, Select], active: str, marked: str
 ) -> str:
     """Return both wheels' speeds over time, a column an episode and a row a robot, with the spans of a state marked.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -93,17 +93,17 @@ def wheel_velocities(
     """
     from matplotlib.patches import Patch
 
-    chosen = {title: reading.select(**select).to_dict("records") for title, select in panels.items()}
+    chosen = {title: stored.select(**select).to_dict("records") for title, select in panels.items()}
     figure, axes = new_figure(max(map(len, chosen.values())), len(panels), 5.0, 1.7, sharex="col", sharey=True)
     for column, (title, rows) in zip(axes.T, chosen.items(), strict=True):
-        robot = describe(Robot, reading.configuration(rows[0]["run_id"])["configuration"]["robot"], "robot")
+        robot = describe(Robot, stored.configuration(rows[0]["run_id"])["configuration"]["robot"], "robot")
         for ax, row in zip(column, rows, strict=False):
-            way = reading.way(row)
-            for begin_s, end_s in _spans(way, active):
+            trajectory = stored.trajectory(row)
+            for begin_s, end_s in _spans(trajectory, active):
                 ax.axvspan(begin_s, end_s, color=ACTIVE, linewidth=0.0, zorder=0)
             for side, color, name in ((-0.5, PALETTE[1], "left"), (0.5, PALETTE[0], "right")):
-                speed = way["v_mps"] + side * robot.track_m * way["w_radps"]
-                ax.step(way["t_s"], speed, where="post", color=color, linewidth=0.9, label=name)
+                speed = trajectory["v_mps"] + side * robot.track_m * trajectory["w_radps"]
+                ax.step(trajectory["t_s"], speed, where="post", color=color, linewidth=0.9, label=name)
             ax.set_ylabel(f"R{row['robot_index'] + 1} [m/s]")
             ax.grid(alpha=0.3)
         for ax in column[len(rows) :]:
@@ -118,12 +118,12 @@ def wheel_velocities(
 
 
 def fleet_table(
-    reading: Reading, out: Path, *, file: str, select: Select, worlds: Mapping[str, str], labels: Sequence[str]
+    stored: StoredResults, out: Path, *, file: str, select: Select, worlds: Mapping[str, str], labels: Sequence[str]
 ) -> str:
     """Return what fleets did: all robots reached, when the last one did, and who touched whom.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         select: which cells.
@@ -135,7 +135,7 @@ def fleet_table(
     raw, printed = [], []
     for title, world in worlds.items():
         for label in labels:
-            rows = reading.select(**select, world=world, label=label)
+            rows = stored.select(**select, world=world, label=label)
             table = fleets(rows)
             all_in = share(table["success"].to_numpy(dtype=bool))
             robots = share((rows["outcome"] == "reached").to_numpy())
@@ -157,11 +157,11 @@ def fleet_table(
     return save_table(out, file, pd.DataFrame(raw, columns=names), headers, printed)
 
 
-def _spans(way: "pd.DataFrame", column: str) -> list[tuple[float, float]]:
+def _spans(trajectory: "pd.DataFrame", column: str) -> list[tuple[float, float]]:
     """Return when a state begins and ends [s], short gaps closed."""
-    on: NDArray[np.bool_] = way[column].fillna(0.0).to_numpy() != 0.0
+    on: NDArray[np.bool_] = trajectory[column].fillna(0.0).to_numpy() != 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    t_s = way["t_s"].to_numpy()
+    t_s = trajectory["t_s"].to_numpy()
     spans: list[tuple[float, float]] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         begin_s, end_s = float(t_s[begin]), float(t_s[min(end, len(t_s) - 1)])

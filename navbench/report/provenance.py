@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.markup import MISSING, save_table
 
 PARTS = ("controller", "world", "robot", "sensors", "simulator")
@@ -14,17 +14,17 @@ KINDS = ("paper", "derived", "public", "tuned", "fitted", "assumed")
 LONGEST = 60  # of a value in the printed table; the CSV holds it whole
 
 
-def sources(reading: Reading, out: Path, *, file: str) -> str:
+def sources(stored: StoredResults, out: Path, *, file: str) -> str:
     """Return every parameter of every controller, world, robot, sensor suite, simulator and tuner that was used.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
     """
     import pandas as pd
 
-    raw = _joined([*_parts(reading.manifest), *_tuners(reading.manifest)])
+    raw = _joined([*_parts(stored.manifest), *_tuners(stored.manifest)])
     counts = pd.Series([row["source"] for row in raw]).value_counts()
     told = ", ".join(f"{counts[kind]} {kind}" for kind in (*KINDS, MISSING) if kind in counts)
     rows = []

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results, ResultsError, write_table
 from navbench.report.figures import draw_cell, new_figure, save_figure
 from navbench.report.markup import markdown
@@ -39,15 +39,15 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map) -> list[P
     Raises:
         DescriptionError: there are no results, or a study asks for what they do not hold.
     """
-    readings = [Reading(results) for results in runs]
-    studies = {r.manifest["study"]["name"]: r for r in readings if (r.manifest["study"] or {}).get("report")}
-    others = [reading for reading in readings if reading not in studies.values()]
+    all_stored = [StoredResults(results) for results in runs]
+    studies = {r.manifest["study"]["name"]: r for r in all_stored if (r.manifest["study"] or {}).get("report")}
+    others = [stored for stored in all_stored if stored not in studies.values()]
     if len(studies) == 1 and not others:
         return _finish(out, _study(next(iter(studies.values())), out, each))
     text, files = "", []
-    for name, reading in studies.items():
-        files += _finish(out / name, _study(reading, out / name, each))
-        text += f"- [{reading.manifest['study']['title']}]({name}/report.md)\n"
+    for name, stored in studies.items():
+        files += _finish(out / name, _study(stored, out / name, each))
+        text += f"- [{stored.manifest['study']['title']}]({name}/report.md)\n"
     if others:
         text = f"{_runs(others, out)}\n{text}"
     else:
@@ -55,17 +55,17 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map) -> list[P
     return [*_finish(out, text), *files]
 
 
-def _study(reading: Reading, out: Path, each: Each) -> str:
+def _study(stored: StoredResults, out: Path, each: Each) -> str:
     """Write the sections of a study's report, and return it in Markdown."""
-    study = reading.manifest["study"]
+    study = stored.manifest["study"]
     for i, spec in enumerate(study["report"]):
         check_section(f"report[{i}]", spec)
     parts = [f"# {study['title']}\n"]
     if study.get("summary"):
         parts.append(study["summary"].strip() + "\n")
-    parts += each(partial(write_section, reading, out), study["report"])
-    parts.append(_making(reading.manifest))
-    write_table(out / "manifest.json", json.dumps(_small(reading.manifest), indent=1) + "\n")
+    parts += each(partial(write_section, stored, out), study["report"])
+    parts.append(_making(stored.manifest))
+    write_table(out / "manifest.json", json.dumps(_small(stored.manifest), indent=1) + "\n")
     return "\n".join(parts)
 
 
@@ -106,11 +106,11 @@ def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _runs(readings: Sequence[Reading], out: Path) -> str:
+def _runs(all_stored: Sequence[StoredResults], out: Path) -> str:
     """Write the tables and figures of runs without a study's report, and return the report in Markdown."""
     import pandas as pd
 
-    episodes = pd.concat([reading.results.episodes() for reading in readings], ignore_index=True)
+    episodes = pd.concat([stored.results.episodes() for stored in all_stored], ignore_index=True)
     episodes = episodes.drop_duplicates(["run_id", "episode", "robot_index"], ignore_index=True)
     summary = summarize(episodes)
     write_table(out / "tables" / "summary.csv", summary.to_csv(index=False))
@@ -120,21 +120,21 @@ def _runs(readings: Sequence[Reading], out: Path) -> str:
     failed = failures(episodes, at_most=20)
     if failed:
         parts.append("## Failures\n\n" + "".join(f"- {line}\n" for line in failed))
-    parts += _ways(readings, out)
+    parts += _trajectories(all_stored, out)
     return "\n".join(parts)
 
 
-def _ways(readings: Sequence[Reading], out: Path) -> list[str]:
+def _trajectories(all_stored: Sequence[StoredResults], out: Path) -> list[str]:
     """Return the figures of trajectories, a panel a cell of which they are kept."""
     panels = []
-    for reading in readings:
-        for run_id in dict.fromkeys(cell["run_id"] for cell in reading.manifest["cells"]):
-            episodes = reading.results.episodes()
+    for stored in all_stored:
+        for run_id in dict.fromkeys(cell["run_id"] for cell in stored.manifest["cells"]):
+            episodes = stored.results.episodes()
             try:
-                reading.trajectory(run_id)
+                stored.trajectories(run_id)
             except ResultsError:  # a cell that keeps none
                 continue
-            panels.append((reading, reading.configuration(run_id), episodes[episodes["run_id"] == run_id]))
+            panels.append((stored, stored.configuration(run_id), episodes[episodes["run_id"] == run_id]))
     parts = []
     for page in range(0, len(panels), PANELS):
         shown = panels[page : page + PANELS]
@@ -142,8 +142,8 @@ def _ways(readings: Sequence[Reading], out: Path) -> list[str]:
         figure, axes = new_figure(-(-len(shown) // columns), columns, 5.2, 5.4)
         for ax in axes.ravel()[len(shown) :]:
             ax.set_axis_off()
-        for ax, (reading, cell, episodes) in zip(axes.ravel(), shown, strict=False):
-            draw_cell(ax, cell, episodes, reading.trajectory(cell["run_id"]))
+        for ax, (stored, cell, episodes) in zip(axes.ravel(), shown, strict=False):
+            draw_cell(ax, cell, episodes, stored.trajectories(cell["run_id"]))
         parts.append(save_figure(figure, out, f"trajectories_{page // PANELS + 1}", "Trajectories, a panel a cell."))
     return ["## Trajectories\n", *parts] if parts else []
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from navbench.analysis.fleets import clearances, fleets
 from navbench.analysis.measures import RESAMPLING_SEED
-from navbench.analysis.stored import Reading
-from navbench.mathematics.statistics import Interval, bootstrap_median, share
+from navbench.analysis.stored import StoredResults
+from navbench.mathematics.statistics import Estimate, bootstrap_median, share
 from navbench.report.markup import MISSING, between, number, save_table
 
 Select = Mapping[str, Any]
@@ -17,7 +17,7 @@ HEADERS = ("", "", "all robots reached", "nothing touched", "median least cleara
 
 
 def robustness(
-    reading: Reading, out: Path, *, file: str, cells: Mapping[str, Select], worlds: Mapping[str, str]
+    stored: StoredResults, out: Path, *, file: str, cells: Mapping[str, Select], worlds: Mapping[str, str]
 ) -> str:
     """Return for some cells and worlds the shares of episodes that succeed, and the clearance, with 95 % intervals.
 
@@ -26,7 +26,7 @@ def robustness(
     median, the percentile bootstrap's. Where nothing stands round there is no clearance.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         cells: what each row is called, and which cells it holds.
@@ -37,7 +37,7 @@ def robustness(
     raw, printed = [], []
     for place, world in worlds.items():
         for title, select in cells.items():
-            rows = reading.select(**select, world=world)
+            rows = stored.select(**select, world=world)
             kept = clearances(rows)
             least_m = kept["clearance_m"].to_numpy()
             success = share(fleets(rows)["success"].to_numpy(dtype=bool))
@@ -52,11 +52,11 @@ def robustness(
     return save_table(out, file, pd.DataFrame(raw, columns=names), HEADERS, printed)
 
 
-def _median(least_m: Any) -> Interval:
+def _median(least_m: Any) -> Estimate:
     if not np.isfinite(least_m).all():
-        return Interval(float("nan"), float("nan"), float("nan"), len(least_m))
+        return Estimate(float("nan"), float("nan"), float("nan"), len(least_m))
     return bootstrap_median(least_m, np.random.default_rng(RESAMPLING_SEED))
 
 
-def _told(interval: Interval) -> str:
+def _told(interval: Estimate) -> str:
     return f"{number(interval.value, 3)} {between(interval.low, interval.high, 3)}"

@@ -1,4 +1,4 @@
-"""Sections of a report that draw what a controller left in its trace: over time, and along the way."""
+"""Sections of a report that draw what a controller left in its trace: over time, and along the path."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.paths import cut, number_places
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.analysis.trace_measures import spells
 from navbench.report.figures import PALETTE, draw_circle, draw_world, nested_width, new_figure, save_figure
 from navbench.report.markup import number, save_table
@@ -29,7 +29,7 @@ SIDE_INCHES, WORDS_INCHES = 6.0, 1.0  # the longer side of a picture of one way,
 
 
 def time_series(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -44,7 +44,7 @@ def time_series(
     of the others in its row.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -55,15 +55,15 @@ def time_series(
     """
     figure, axes = new_figure(len(series), len(panels), 3.6 if len(panels) > 1 else 7.0, 1.8, sharex="col")
     for above, (title, select) in zip(axes.T, panels.items(), strict=True):
-        way = reading.way(reading.select(**select).to_dict("records")[0])
+        trajectory = stored.trajectory(stored.select(**select).to_dict("records")[0])
         for ax, (label, columns) in zip(above, series.items(), strict=True):
             for i, (column, called) in enumerate(columns.items()):
-                values = np.degrees(way[column]) if column.endswith("_rad") else way[column]
+                values = np.degrees(trajectory[column]) if column.endswith("_rad") else trajectory[column]
                 look = {"color": PALETTE[i], "linewidth": nested_width(i, len(columns))}
                 if column in PLACE:
-                    ax.plot(way["t_s"], values, label=called, **look)
+                    ax.plot(trajectory["t_s"], values, label=called, **look)
                 else:
-                    _stairs(ax, way["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
+                    _stairs(ax, trajectory["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
             ax.grid(alpha=0.3)
             ax.set_ylabel(label)
             if ticks and label in ticks:
@@ -125,7 +125,7 @@ def _widen_flat(row: "Sequence[Axes]") -> None:
 
 
 def spells_on_the_way(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -135,10 +135,10 @@ def spells_on_the_way(
     values: Mapping[str, float],
     least_periods: int,
 ) -> str:
-    """Return one run's way, coloured by the value of a column, and a table of its spells.
+    """Return one run's path, coloured by the value of a column, and a table of its spells.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -149,13 +149,13 @@ def spells_on_the_way(
     """
     import pandas as pd
 
-    row = reading.select(**select).to_dict("records")[0]
-    way = reading.way(row)
+    row = stored.select(**select).to_dict("records")[0]
+    trajectory = stored.trajectory(row)
     figure, axes = new_figure(1, 1, SIDE_INCHES, SIDE_INCHES)
     ax = axes[0, 0]
-    draw_world(ax, reading.world(row["run_id"], row["episode"]))
-    held = way[column].to_numpy()[:-1]
-    x_m, y_m = way["x_m"].to_numpy(), way["y_m"].to_numpy()
+    draw_world(ax, stored.world(row["run_id"], row["episode"]))
+    held = trajectory[column].to_numpy()[:-1]
+    x_m, y_m = trajectory["x_m"].to_numpy(), trajectory["y_m"].to_numpy()
     for i, (called, value) in enumerate(values.items()):
         shown = np.append(held == value, False)
         shown[1:] |= shown[:-1].copy()  # each piece reaches the beginning of the next
@@ -164,15 +164,15 @@ def spells_on_the_way(
             ax.plot(*drawn, color=PALETTE[i], linewidth=2.4, label=called)
     names, raw = {value: called for called, value in values.items()}, []
     for i, spell in enumerate(spells(held, least_periods)):
-        at = way.iloc[spell.begin]
+        at = trajectory.iloc[spell.begin]
         raw.append([i, names[spell.value], at["t_s"], at["x_m"], at["y_m"], spell.length])
-    robot = describe(Robot, reading.configuration(row["run_id"])["configuration"]["robot"], "robot")
-    ratio = cut(ax, [way], robot.radius_m, square=False)
+    robot = describe(Robot, stored.configuration(row["run_id"])["configuration"]["robot"], "robot")
+    ratio = cut(ax, [trajectory], robot.radius_m, square=False)
     figure.set_size_inches(SIDE_INCHES / max(ratio, 1.0) + WORDS_INCHES, SIDE_INCHES * min(ratio, 1.0) + WORDS_INCHES)
     draw_circle(ax, x_m[0], y_m[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     left_m, right_m = ax.get_xlim()
-    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in raw if i], NEAR * (right_m - left_m), [way])
+    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in raw if i], NEAR * (right_m - left_m), [trajectory])
     rows = [[str(i), called, number(t, 2), number(x, 2), number(y, 2), str(n)] for i, called, t, x, y, n in raw]
     frame = pd.DataFrame(raw, columns=["number", column, "t_s", "x_m", "y_m", "periods"])
     table = save_table(out, file, frame, ["", column, "from t [s]", "x [m]", "y [m]", "periods"], rows)

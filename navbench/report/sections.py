@@ -1,6 +1,6 @@
 """The sections of a report: functions by name, each from stored results to Markdown, tables and figures.
 
-A section is ``function(reading, out, **arguments) -> str``: it writes below ``out`` and returns Markdown whose links
+A section is ``function(stored, out, **arguments) -> str``: it writes below ``out`` and returns Markdown whose links
 are relative to it. A study's file names it and gives its arguments, with a ``title`` and, where wanted, a ``text`` in
 front.
 """
@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.comparison import fair_comparison
 from navbench.report.convergence import tuners_compared
 from navbench.report.crossing import crossed_tables, success_map
@@ -59,17 +59,17 @@ SECTIONS: Mapping[str, Callable[..., str]] = {
 OWN = ("name", "title", "text")  # the keys that every section has
 
 
-def write_section(reading: Reading, out: Path, spec: Mapping[str, Any]) -> str:
+def write_section(stored: StoredResults, out: Path, spec: Mapping[str, Any]) -> str:
     """Write a section's tables and figures, and return it in Markdown under its heading.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         spec: its name, title, text and arguments.
     """
     arguments = {key: value for key, value in spec.items() if key not in OWN}
     text = f"{spec['text'].strip()}\n\n" if spec.get("text") else ""
-    return f"## {spec['title']}\n\n{text}{SECTIONS[spec['name']](reading, out, **arguments)}"
+    return f"## {spec['title']}\n\n{text}{SECTIONS[spec['name']](stored, out, **arguments)}"
 
 
 def check_section(key: str, spec: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Sections of a report that are figures: overlaid ways and speeds, phases, memberships and surfaces."""
+"""Sections of a report that are figures: overlaid paths and speeds, phases, memberships and surfaces."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 
 from navbench.analysis.paths import cut, number_places, write_beside
 from navbench.analysis.phases import phases as phases_of
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.figures import (
     PALETTE,
     Style,
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Select = Mapping[str, Any]
-THINNED_RADII = 0.015  # what a drawn way may stray from the driven one
+THINNED_RADII = 0.015  # what a drawn path may stray from the driven one
 ROUNDED = 1e-4  # of an axis: its ends are printed numbers
 NAMED_APART, EDGE = 0.04, 0.015  # of an axis: between the names of two sets, and from its end
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 
 
 def trajectories(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -49,42 +49,49 @@ def trajectories(
     labels: Sequence[str],
     columns: int = 2,
 ) -> str:
-    """Return the ways of several controllers over each other, a panel a world, cut to where the robots went.
+    """Return the paths of several controllers over each other, a panel a world, cut to where the robots went.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
         select: which cells.
         panels: each panel's title and world.
-        labels: whose ways, the first below the others, which are narrower.
+        labels: whose paths, the first below the others, which are narrower.
         columns: how many panels stand side by side.
     """
     columns = min(columns, len(panels))
     figure, axes = new_figure(-(-len(panels) // columns), columns, 4.4, 4.2)
-    style = styles(reading.labels)
+    style = styles(stored.labels)
     starts: dict[Axes, Any] = {}
     for ax, (title, world) in zip(axes.ravel(), panels.items(), strict=False):
-        records = reading.select(**select, world=world, label=list(labels)).to_dict("records")
-        draw_world(ax, reading.world(records[0]["run_id"], records[0]["episode"]))
-        ways = [(row, reading.way(row)) for row in records]
-        robot = describe(Robot, reading.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")
-        for row, way in ways:
+        records = stored.select(**select, world=world, label=list(labels)).to_dict("records")
+        draw_world(ax, stored.world(records[0]["run_id"], records[0]["episode"]))
+        trajectories = [(row, stored.trajectory(row)) for row in records]
+        robot = describe(Robot, stored.configuration(records[0]["run_id"])["configuration"]["robot"], "robot")
+        for row, trajectory in trajectories:
             one = style[row["label"]]
             if len(labels) == 1:  # a fleet: a colour a robot
                 one = one._replace(color=robot_color(row["robot_index"]))
             rank = labels.index(row["label"])
-            _draw_way(ax, way, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
-            draw_circle(ax, way["x_m"].iloc[0], way["y_m"].iloc[0], robot.radius_m)
+            _draw_path(ax, trajectory, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
+            draw_circle(ax, trajectory["x_m"].iloc[0], trajectory["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
                 size = 4.0 * nested_width(rank, len(labels))
-                end = way[["x_m", "y_m"]].iloc[-1]
+                end = trajectory[["x_m", "y_m"]].iloc[-1]
                 ax.plot(*end, "X", color=style[row["label"]].color, markersize=size, zorder=20 + rank)
-        cut(ax, [way for _, way in ways], robot.radius_m)
-        first = {f"R{row['robot_index'] + 1}": tuple(way[["x_m", "y_m"]].iloc[0]) for row, way in reversed(ways)}
+        cut(ax, [trajectory for _, trajectory in trajectories], robot.radius_m)
+        first = {
+            f"R{row['robot_index'] + 1}": tuple(trajectory[["x_m", "y_m"]].iloc[0])
+            for row, trajectory in reversed(trajectories)
+        }
         if len(first) > 1:
-            starts[ax] = [(place, name) for name, place in first.items()], [way for _, way in ways], robot.radius_m
+            starts[ax] = (
+                [(place, name) for name, place in first.items()],
+                [trajectory for _, trajectory in trajectories],
+                robot.radius_m,
+            )
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
@@ -97,7 +104,7 @@ def trajectories(
 
 
 def velocities(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -109,7 +116,7 @@ def velocities(
     """Return the forward speed and the turning rate over time, a column a world.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -118,13 +125,20 @@ def velocities(
         labels: whose speeds.
     """
     figure, axes = new_figure(2, len(panels), 5.4, 2.6, sharex="col", sharey="row")
-    style = styles(reading.labels)
+    style = styles(stored.labels)
     for column, (title, world) in zip(axes.T, panels.items(), strict=True):
         for depth, label in enumerate(labels):
-            row = reading.select(**select, world=world, label=label).to_dict("records")[0]
-            way = reading.way(row).iloc[:-1]
+            row = stored.select(**select, world=world, label=label).to_dict("records")[0]
+            trajectory = stored.trajectory(row).iloc[:-1]
             for ax, name in zip(column, ("v_mps", "w_radps"), strict=True):
-                ax.step(way["t_s"], way[name], where="post", color=style[label].color, linewidth=1.1, zorder=9 - depth)
+                ax.step(
+                    trajectory["t_s"],
+                    trajectory[name],
+                    where="post",
+                    color=style[label].color,
+                    linewidth=1.1,
+                    zorder=9 - depth,
+                )
         column[0].set_title(title)
         column[1].set_xlabel("t [s]")
     axes[0, 0].set_ylabel("v [m/s]")
@@ -135,35 +149,42 @@ def velocities(
     return save_figure(figure, out, file, caption)
 
 
-def phases(reading: Reading, out: Path, *, file: str, caption: str, select: Select) -> str:
+def phases(stored: StoredResults, out: Path, *, file: str, caption: str, select: Select) -> str:
     """Return what a robot under aouf2019's arbitration went through, on its way and as a table.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
         select: one cell of one episode.
     """
-    row = reading.select(**select).to_dict("records")[0]
-    way = reading.way(row).reset_index(drop=True)
+    row = stored.select(**select).to_dict("records")[0]
+    trajectory = stored.trajectory(row).reset_index(drop=True)
     figure, axes = new_figure(1, 1, 5.2, 5.0)
     ax = axes[0, 0]
-    draw_world(ax, reading.world(row["run_id"], row["episode"]))
-    follows = (way["behavior"] == 1.0).to_numpy()
+    draw_world(ax, stored.world(row["run_id"], row["episode"]))
+    follows = (trajectory["behavior"] == 1.0).to_numpy()
     for holds, color, name in ((~follows, PALETTE[0], "go to goal"), (follows, PALETTE[1], "follow wall")):
         shown = holds | np.roll(holds, 1)  # each piece reaches the beginning of the next
-        ax.plot(way["x_m"].where(shown), way["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)
-    goal = reading.world(row["run_id"], row["episode"]).goals[row["robot_index"]]
+        ax.plot(
+            trajectory["x_m"].where(shown),
+            trajectory["y_m"].where(shown),
+            color=color,
+            linewidth=1.6,
+            label=name,
+            zorder=6,
+        )
+    goal = stored.world(row["run_id"], row["episode"]).goals[row["robot_index"]]
     raw = []
-    for i, phase in enumerate(phases_of(way, row["outcome"]), 1):
-        at = way.iloc[phase.row]
+    for i, phase in enumerate(phases_of(trajectory, row["outcome"]), 1):
+        at = trajectory.iloc[phase.row]
         away_m = math.hypot(goal.x_m - at["x_m"], goal.y_m - at["y_m"])
         raw.append([i, phase.name, at["t_s"], at["x_m"], at["y_m"], away_m])
-    robot = describe(Robot, reading.configuration(row["run_id"])["configuration"]["robot"], "robot")
-    cut(ax, [way], robot.radius_m)
+    robot = describe(Robot, stored.configuration(row["run_id"])["configuration"]["robot"], "robot")
+    cut(ax, [trajectory], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
-    number_places(ax, [(i, x_m, y_m) for i, _, _, x_m, y_m, _ in raw], NEAR_M, [way])
+    number_places(ax, [(i, x_m, y_m) for i, _, _, x_m, y_m, _ in raw], NEAR_M, [trajectory])
     names = ["number", "phase", "t_s", "x_m", "y_m", "goal_distance_m"]
     rows = [[str(i), name, *(number(value, 2) for value in values)] for i, name, *values in raw]
     headers = ["", "phase", "t [s]", "x [m]", "y [m]", "to the goal [m]"]
@@ -172,12 +193,12 @@ def phases(reading: Reading, out: Path, *, file: str, caption: str, select: Sele
 
 
 def memberships(
-    reading: Reading, out: Path, *, file: str, caption: str, table: str, axes: Mapping[str, Mapping[str, Any]]
+    stored: StoredResults, out: Path, *, file: str, caption: str, table: str, axes: Mapping[str, Mapping[str, Any]]
 ) -> str:
     """Return the fuzzy sets that a controller offers of itself, a panel a variable.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
@@ -186,7 +207,7 @@ def memberships(
             these are one direction, so that a set that leaves at one comes in at the other; ``saturates`` where values
             beyond the sets belong to the outermost.
     """
-    described = description(reading, table)
+    described = description(stored, table)
     figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
     for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
         sets = described[described["variable"] == variable]
@@ -206,17 +227,17 @@ def memberships(
     return save_figure(figure, out, file, caption)
 
 
-def surface(reading: Reading, out: Path, *, file: str, caption: str, table: str) -> str:
+def surface(stored: StoredResults, out: Path, *, file: str, caption: str, table: str) -> str:
     """Return the control surface of a controller of one input: what it answers to each heading error.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         caption: what the figure shows.
         table: the name of the described table: phi_rad, v_mps, w_radps.
     """
-    described = description(reading, table)
+    described = description(stored, table)
     figure, axes = new_figure(1, 2, 4.4, 3.0)
     for ax, name, title in zip(axes.ravel(), ("v_mps", "w_radps"), ("v [m/s]", "w [rad/s]"), strict=True):
         ax.plot(np.degrees(described["phi_rad"]), described[name], color=PALETTE[0])
@@ -225,9 +246,11 @@ def surface(reading: Reading, out: Path, *, file: str, caption: str, table: str)
     return save_figure(figure, out, file, caption)
 
 
-def _draw_way(ax: "Axes", way: "pd.DataFrame", color: str, rank: int, count: int, faint: bool, radius_m: float) -> None:
-    """Draw a way; of several tunings the first one strongly, the others behind it."""
-    x_m, y_m = thinned(way[["x_m", "y_m"]].to_numpy(), THINNED_RADII * radius_m).T
+def _draw_path(
+    ax: "Axes", trajectory: "pd.DataFrame", color: str, rank: int, count: int, faint: bool, radius_m: float
+) -> None:
+    """Draw a path; of several tunings the first one strongly, the others behind it."""
+    x_m, y_m = thinned(trajectory[["x_m", "y_m"]].to_numpy(), THINNED_RADII * radius_m).T
     if faint:
         ax.plot(x_m, y_m, color=color, linewidth=0.7, alpha=0.4, zorder=4)
     else:

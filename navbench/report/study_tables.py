@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.claims import Claim, Measured, judge
+from navbench.analysis.claims import Claim, judge
 from navbench.analysis.measures import check_measure, measure
-from navbench.analysis.stored import Reading, reached
+from navbench.analysis.stored import StoredResults, reached
 from navbench.experiments.store import write_table
+from navbench.mathematics.statistics import Estimate
 from navbench.report.markup import MISSING, between, latex, markdown, number, save_table
 from navbench.validation import DescriptionError, describe
 
@@ -21,7 +22,7 @@ EVIDENCE = ("free", "selected", "fitted", "layout_unknown")
 
 
 def printed_table(
-    reading: Reading,
+    stored: StoredResults,
     out: Path,
     *,
     file: str,
@@ -36,7 +37,7 @@ def printed_table(
     reached, how many did stands beside it.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         metric: the metric that the table holds.
@@ -50,7 +51,7 @@ def printed_table(
     for label, figures in printed.items():
         row = [label]
         for (title, world), figure in zip(worlds.items(), figures, strict=True):
-            runs = reading.select(**select, label=label, world=world)
+            runs = stored.select(**select, label=label, world=world)
             values = reached(runs)[metric]
             ours, low, high = values.median(), values.min(), values.max()
             ratio = float("nan") if figure is None else ours / figure
@@ -65,12 +66,12 @@ def printed_table(
 
 
 def outcomes_table(
-    reading: Reading, out: Path, *, file: str, cells: Mapping[str, Select], worlds: Mapping[str, str]
+    stored: StoredResults, out: Path, *, file: str, cells: Mapping[str, Select], worlds: Mapping[str, str]
 ) -> str:
     """Return for some cells and worlds how many reached, and the median time and length of those.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         cells: what each row is called, and which cells it holds.
@@ -82,7 +83,7 @@ def outcomes_table(
     for title, select in cells.items():
         row = [title]
         for world in worlds.values():
-            runs = reading.select(**select, world=world)
+            runs = stored.select(**select, world=world)
             good = reached(runs)
             counts = [int((runs["outcome"] == name).sum()) for name in ("collided", "timed_out", "controller_error")]
             time_s, length_m = good["time_s"].median(), good["path_length_m"].median()
@@ -97,29 +98,29 @@ def outcomes_table(
     return save_table(out, file, table, headers, rows, dict.fromkeys(worlds, 3))
 
 
-def rules(reading: Reading, out: Path, *, file: str, table: str) -> str:
+def rules(stored: StoredResults, out: Path, *, file: str, table: str) -> str:
     """Return the rules that a controller offers of itself.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         file: the files' name.
         table: the name of the described table.
     """
-    described = description(reading, table)
+    described = description(stored, table)
     headers = [name.replace("_", " ") for name in described.columns]
     return save_table(out, file, described, headers, described.astype(str).to_numpy().tolist())
 
 
-def claims(reading: Reading, out: Path, *, groups: Mapping[str, Sequence[str]]) -> str:
+def claims(stored: StoredResults, out: Path, *, groups: Mapping[str, Sequence[str]]) -> str:
     """Return every claim with its verdict, and how many there are of each verdict and evidence.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory.
         groups: counted apart: the claims whose ids begin with one of these.
     """
-    table = judged(reading)
+    table = judged(stored)
     counts = []
     for title, beginnings in {**groups, "all claims": [""]}.items():
         chosen = table[table["id"].str.startswith(tuple(beginnings))]
@@ -144,21 +145,21 @@ def claims(reading: Reading, out: Path, *, groups: Mapping[str, Sequence[str]]) 
     return f"{counted}\n{markdown(headers, rows)}\n[CSV](claims.csv), [LaTeX](tables/claims.tex)\n"
 
 
-def judged(reading: Reading) -> "pd.DataFrame":
+def judged(stored: StoredResults) -> "pd.DataFrame":
     """Return the table of the study's claims with their verdicts, with the columns of ``claims.csv``."""
-    listed = [describe(Claim, claim, f"claims[{i}]") for i, claim in enumerate(reading.manifest["study"]["claims"])]
+    listed = [describe(Claim, claim, f"claims[{i}]") for i, claim in enumerate(stored.manifest["study"]["claims"])]
     found = []
     for claim in listed:
         name, arguments = claim.measure["name"], {k: v for k, v in claim.measure.items() if k != "name"}
-        found.append(measure(reading, name, arguments))
+        found.append(measure(stored, name, arguments))
     return judge(listed, found)
 
 
-def findings(reading: Reading, out: Path, *, sentences: Sequence[Mapping[str, Any]]) -> str:
+def findings(stored: StoredResults, out: Path, *, sentences: Sequence[Mapping[str, Any]]) -> str:
     """Return sentences whose numbers are measured.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory; nothing is written into it.
         sentences: each ``say`` with names in braces, and for each name, under ``with``, its measure. A name is
             written ``{x:.2f}`` (the value), ``{x:percent}``, ``{x:count}`` (held of n) or ``{x:range .2f}`` (with low
@@ -170,7 +171,7 @@ def findings(reading: Reading, out: Path, *, sentences: Sequence[Mapping[str, An
         for name, spec in sentence.get("with", {}).items():
             check_measure(f"sentences[{i}].with.{name}", spec)
             arguments = {key: value for key, value in spec.items() if key != "name"}
-            values[name] = Told(measure(reading, spec["name"], arguments))
+            values[name] = Told(measure(stored, spec["name"], arguments))
         try:
             lines.append(f"- {sentence['say'].format(**values)}\n")
         except (KeyError, ValueError, IndexError) as error:
@@ -185,7 +186,7 @@ class Told:
         measured: the figure, or None where there was no case.
     """
 
-    def __init__(self, measured: Measured | None) -> None:
+    def __init__(self, measured: Estimate | None) -> None:
         self._measured = measured
 
     def __format__(self, form: str) -> str:
@@ -203,27 +204,27 @@ class Told:
         return format(value, form)
 
 
-def errata(reading: Reading, out: Path, *, items: Sequence[Mapping[str, str]]) -> str:
+def errata(stored: StoredResults, out: Path, *, items: Sequence[Mapping[str, str]]) -> str:
     """Return what a paper prints wrong or leaves open, and what is done here.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         out: the report's directory; nothing is written into it.
         items: each ``where`` in the paper, ``printed`` and what is done ``here``.
     """
     return markdown(["where", "the paper", "here"], [[item["where"], item["printed"], item["here"]] for item in items])
 
 
-def description(reading: Reading, name: str) -> "pd.DataFrame":
+def description(stored: StoredResults, name: str) -> "pd.DataFrame":
     """Return a table that a controller offered of itself.
 
     Raises:
         DescriptionError: there is none of this name.
     """
-    tables = reading.descriptions
+    tables = stored.descriptions
     if name not in tables:
         allowed = ", ".join(tables) or "none"
-        raise DescriptionError(f"{reading.results.path}: no description {name!r}; there are: {allowed}")
+        raise DescriptionError(f"{stored.results.path}: no description {name!r}; there are: {allowed}")
     return tables[name]
 
 
