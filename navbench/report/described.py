@@ -6,7 +6,6 @@ from pathlib import Path
 from navbench.analysis.stored import StoredResults
 from navbench.report.figures import new_figure, save_figure
 from navbench.report.markup import save_table
-from navbench.report.study_tables import description
 
 LEVELS = 10  # steps of colour
 
@@ -34,7 +33,7 @@ def surface_2d(
         y: its column that is drawn upwards.
         value: its column that is drawn as a colour.
     """
-    described = description(stored, table).pivot(index=y, columns=x, values=value)
+    described = stored.described(table).pivot(index=y, columns=x, values=value)
     across, up, values = described.columns.to_numpy(), described.index.to_numpy(), described.to_numpy()
     figure, axes = new_figure(1, 1, 6.0, 4.2)
     ax = axes[0, 0]
@@ -56,7 +55,7 @@ def counts(stored: StoredResults, out: Path, *, file: str, table: str, by: Seque
         table: the name of the described table.
         by: the columns.
     """
-    described = description(stored, table)
+    described = stored.described(table)
     counted = described.groupby(list(by), sort=True).size().reset_index(name="count")
     headers = [name.replace("_", " ") for name in counted.columns]
     return save_table(out, file, described, headers, counted.astype(str).to_numpy().tolist())

@@ -11,7 +11,6 @@ from navbench.analysis.stored import StoredResults, outcomes
 from navbench.mathematics.statistics import bootstrap_median, newcombe_paired, share
 from navbench.report.figures import PALETTE, new_figure, save_figure
 from navbench.report.markup import MISSING, number, save_table
-from navbench.report.study_tables import description
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,7 +89,7 @@ def rules_compared(stored: StoredResults, out: Path, *, file: str, tables: Mappi
         tables: what each rule base is called, and the name of its described table; all have the same inputs, in the
             same order, and the outputs last.
     """
-    found = {title: description(stored, table) for title, table in tables.items()}
+    found = {title: stored.described(table) for title, table in tables.items()}
     first = next(iter(found.values()))
     inputs = [name for name in first.columns if all((table[name] == first[name]).all() for table in found.values())]
     outputs = [name for name in first.columns if name not in inputs]

@@ -1,15 +1,16 @@
 """One page over the reports of several studies, from what their folders hold: claims, manifest and report."""
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from navbench.analysis.claims import COLUMNS
+from navbench.analysis.claims import COLUMNS, EVIDENCE, HYPOTHESIS_VERDICTS, VERDICTS
 from navbench.experiments.store import write_table
 from navbench.report.markup import markdown
-from navbench.report.study_tables import EVIDENCE, VERDICTS, told_figure
+from navbench.report.study_tables import printed_figure, told_figure
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
@@ -103,14 +104,15 @@ def read_claims(file: Path) -> "pd.DataFrame":
         table = pd.read_csv(file, dtype={"id": str, "statement": str, "reason": str, "unit": str})
     except (ValueError, OSError) as error:
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
+    table = table.fillna({"reason": "", "unit": "", "where": "", "evidence": ""})
     if list(table.columns) != list(COLUMNS):
         raise DescriptionError(f"{file}: its columns must be {', '.join(COLUMNS)}")
-    for column, allowed in (("verdict", VERDICTS), ("evidence", EVIDENCE)):
+    for column, allowed in (("verdict", (*VERDICTS, *HYPOTHESIS_VERDICTS)), ("evidence", ("", *EVIDENCE))):
         wrong = table[~table[column].isin(allowed)]
         if len(wrong):
             value = wrong[column].iloc[0]
             raise DescriptionError(f"{file}: {column}={value} of {wrong['id'].iloc[0]}; allowed: {', '.join(allowed)}")
-    return table.fillna({"reason": "", "unit": ""})
+    return table
 
 
 def _head(folder: Path) -> str:
@@ -155,7 +157,7 @@ def _refuted(studies: Sequence[Found]) -> str:
     rows = []
     for study in studies:
         for claim in study.claims[study.claims["verdict"] == "not_reproduced"].to_dict("records"):
-            printed = f"{claim['printed']:g} {claim['unit']}".strip()
+            printed = printed_figure(claim)
             reason = claim["reason"] or f"{_off(claim)}; tolerance {claim['tolerance']}"
             words = [study.name, claim["id"], claim["statement"], printed, told_figure(claim)]
             rows.append([*words, reason, _words(claim["evidence"])])
@@ -167,6 +169,8 @@ def _refuted(studies: Sequence[Found]) -> str:
 
 def _off(claim: Mapping[Any, Any]) -> str:
     """Return how far the measured figure lies from the printed one, in the form of the claim's tolerance."""
+    if math.isnan(claim["printed"]):
+        return f"holds in {100.0 * claim['measured']:.0f} %"
     away = claim["measured"] - claim["printed"]
     if str(claim["tolerance"]).endswith("%"):
         return f"off by {100.0 * away / abs(claim['printed']):+.0f} %"

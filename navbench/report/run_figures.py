@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navbench.analysis.paths import cut, number_places
 from navbench.analysis.stored import StoredResults
-from navbench.analysis.trace_measures import spells
+from navbench.analysis.traces import spells
 from navbench.report.figures import PALETTE, draw_circle, draw_world, nested_width, new_figure, save_figure
 from navbench.report.markup import number, save_table
 from navbench.robot import Robot

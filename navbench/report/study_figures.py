@@ -23,7 +23,6 @@ from navbench.report.figures import (
     thinned,
 )
 from navbench.report.markup import number, save_table
-from navbench.report.study_tables import description
 from navbench.robot import Robot
 from navbench.validation import describe
 
@@ -207,7 +206,7 @@ def memberships(
             these are one direction, so that a set that leaves at one comes in at the other; ``saturates`` where values
             beyond the sets belong to the outermost.
     """
-    described = description(stored, table)
+    described = stored.described(table)
     figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
     for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
         sets = described[described["variable"] == variable]
@@ -237,7 +236,7 @@ def surface(stored: StoredResults, out: Path, *, file: str, caption: str, table:
         caption: what the figure shows.
         table: the name of the described table: phi_rad, v_mps, w_radps.
     """
-    described = description(stored, table)
+    described = stored.described(table)
     figure, axes = new_figure(1, 2, 4.4, 3.0)
     for ax, name, title in zip(axes.ravel(), ("v_mps", "w_radps"), ("v [m/s]", "w [rad/s]"), strict=True):
         ax.plot(np.degrees(described["phi_rad"]), described[name], color=PALETTE[0])

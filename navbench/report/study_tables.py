@@ -4,21 +4,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.claims import Claim, judge
-from navbench.analysis.measures import check_measure, measure
+from navbench.analysis.claims import EVIDENCE, judged, verdicts_in
+from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.experiments.store import write_table
 from navbench.mathematics.statistics import Estimate
 from navbench.report.markup import MISSING, between, latex, markdown, number, save_table
-from navbench.validation import DescriptionError, describe
+from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Select = Mapping[str, Any]
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
-VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
-EVIDENCE = ("free", "selected", "fitted", "layout_unknown")
 
 
 def printed_table(
@@ -107,7 +105,7 @@ def rules(stored: StoredResults, out: Path, *, file: str, table: str) -> str:
         file: the files' name.
         table: the name of the described table.
     """
-    described = description(stored, table)
+    described = stored.described(table)
     headers = [name.replace("_", " ") for name in described.columns]
     return save_table(out, file, described, headers, described.astype(str).to_numpy().tolist())
 
@@ -121,38 +119,28 @@ def claims(stored: StoredResults, out: Path, *, groups: Mapping[str, Sequence[st
         groups: counted apart: the claims whose ids begin with one of these.
     """
     table = judged(stored)
-    counts = []
+    counts, verdicts = [], verdicts_in(table)
     for title, beginnings in {**groups, "all claims": [""]}.items():
         chosen = table[table["id"].str.startswith(tuple(beginnings))]
-        counts.append([title, *(str(int((chosen["verdict"] == verdict).sum())) for verdict in VERDICTS)])
+        counts.append([title, *(str(int((chosen["verdict"] == verdict).sum())) for verdict in verdicts)])
     for evidence in EVIDENCE:
         chosen = table[table["evidence"] == evidence]
         if len(chosen):
             title = f"of these, evidence {evidence.replace('_', ' ')}"
-            counts.append([title, *(str(int((chosen["verdict"] == verdict).sum())) for verdict in VERDICTS)])
+            counts.append([title, *(str(int((chosen["verdict"] == verdict).sum())) for verdict in verdicts)])
     rows = []
     for claim in table.to_dict("records"):
         reason = f": {claim['reason']}" if claim["reason"] else ""
-        printed = f"{claim['printed']:g} {claim['unit']}".strip()
+        printed = printed_figure(claim)
         words = [claim["id"], claim["statement"], claim["where"], printed, told_figure(claim), str(claim["n"])]
         words += [claim["tolerance"], claim["evidence"].replace("_", " "), claim["verdict"].replace("_", " ") + reason]
         rows.append(words)
     headers = ["id", "statement", "where", "printed", "measured", "n", "tolerance", "evidence", "verdict"]
     write_table(out / "claims.csv", table.to_csv(index=False))
     write_table(out / "tables" / "claims.tex", latex(headers, rows))
-    heads = ["", *(verdict.replace("_", " ") for verdict in VERDICTS)]
-    counted = save_table(out, "verdicts", _frame(counts, ["claims", *VERDICTS]), heads, counts)
+    heads = ["", *(verdict.replace("_", " ") for verdict in verdicts)]
+    counted = save_table(out, "verdicts", _frame(counts, ["claims", *verdicts]), heads, counts)
     return f"{counted}\n{markdown(headers, rows)}\n[CSV](claims.csv), [LaTeX](tables/claims.tex)\n"
-
-
-def judged(stored: StoredResults) -> "pd.DataFrame":
-    """Return the table of the study's claims with their verdicts, with the columns of ``claims.csv``."""
-    listed = [describe(Claim, claim, f"claims[{i}]") for i, claim in enumerate(stored.manifest["study"]["claims"])]
-    found = []
-    for claim in listed:
-        name, arguments = claim.measure["name"], {k: v for k, v in claim.measure.items() if k != "name"}
-        found.append(measure(stored, name, arguments))
-    return judge(listed, found)
 
 
 def findings(stored: StoredResults, out: Path, *, sentences: Sequence[Mapping[str, Any]]) -> str:
@@ -169,9 +157,8 @@ def findings(stored: StoredResults, out: Path, *, sentences: Sequence[Mapping[st
     for i, sentence in enumerate(sentences):
         values = {}
         for name, spec in sentence.get("with", {}).items():
-            check_measure(f"sentences[{i}].with.{name}", spec)
-            arguments = {key: value for key, value in spec.items() if key != "name"}
-            values[name] = Told(measure(stored, spec["name"], arguments))
+            of = {key: value for key, value in spec.items() if key != "name"}
+            values[name] = Told(measure(stored, spec["name"], of))
         try:
             lines.append(f"- {sentence['say'].format(**values)}\n")
         except (KeyError, ValueError, IndexError) as error:
@@ -215,17 +202,9 @@ def errata(stored: StoredResults, out: Path, *, items: Sequence[Mapping[str, str
     return markdown(["where", "the paper", "here"], [[item["where"], item["printed"], item["here"]] for item in items])
 
 
-def description(stored: StoredResults, name: str) -> "pd.DataFrame":
-    """Return a table that a controller offered of itself.
-
-    Raises:
-        DescriptionError: there is none of this name.
-    """
-    tables = stored.descriptions
-    if name not in tables:
-        allowed = ", ".join(tables) or "none"
-        raise DescriptionError(f"{stored.results.path}: no description {name!r}; there are: {allowed}")
-    return tables[name]
+def printed_figure(claim: Mapping[Any, Any]) -> str:
+    """Return the number that a paper prints of a claim, a row of ``claims.csv``, where it prints one."""
+    return MISSING if claim["printed"] != claim["printed"] else f"{claim['printed']:g} {claim['unit']}".strip()
 
 
 def told_figure(claim: Mapping[Any, Any]) -> str:
