@@ -6,17 +6,17 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from stored import a_cell, a_record, store
+from stored import a_cell, a_record, store, told
 
 from navbench.analysis.claims import Measured
 from navbench.analysis.measures import measure
 from navbench.analysis.stored import Reading
+from navbench.controllers.lei2014.sections import surface_2d
+from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
 from navbench.experiments.store import Results
 from navbench.records import RobotRecord
-from navbench.report import described
-from navbench.report.described import counts, surface_2d
-from navbench.report.robustness import robustness
-from navbench.report.run_figures import spells_on_the_way
+from navbench.report import page
+from navbench.report.outcomes import robustness
 
 TABLES: dict[str, dict[str, Any]] = {
     "it-surface": {
@@ -61,7 +61,7 @@ def reading(tmp_path: Path) -> Reading:
 
 
 def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: Reading, tmp_path: Path) -> None:
-    text = counts(reading, tmp_path, file="c", table="it-list", by=["agent", "agrees"])
+    text = told(counts, reading, tmp_path, file="c", table="it-list", by=["agent", "agrees"])
     lines = [line for line in text.splitlines() if line.startswith("|")][2:]
     assert lines == [
         "| none | True | 1 |",
@@ -77,12 +77,12 @@ def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(reading
     other = store(tmp_path / "other", [(a_cell("A"), [a_record()])], descriptions={"it-surface": shuffled})
     drawn = []
     for i, one in enumerate((reading, other)):
-        surface_2d(one, tmp_path / str(i), file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+        told(surface_2d, one, tmp_path / str(i), file="s", table="it-surface", x="x", y="y", value="z")
         drawn.append((tmp_path / str(i) / "figures/s.svg").read_bytes())
     assert drawn[0] == drawn[1]
     turned = {**TABLES["it-surface"], "z": TABLES["it-surface"]["z"][::-1]}
     third = store(tmp_path / "third", [(a_cell("A"), [a_record()])], descriptions={"it-surface": turned})
-    surface_2d(third, tmp_path / "2", file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    told(surface_2d, third, tmp_path / "2", file="s", table="it-surface", x="x", y="y", value="z")
     assert (tmp_path / "2/figures/s.svg").read_bytes() != drawn[0]
 
 
@@ -90,8 +90,8 @@ def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
     reading: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[Any] = []
-    monkeypatch.setattr(described, "save_figure", lambda figure, *_: drawn.append(figure))
-    surface_2d(reading, tmp_path, file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    monkeypatch.setattr(page, "save_figure", lambda figure, *_: drawn.append(figure))
+    told(surface_2d, reading, tmp_path, file="s", table="it-surface", x="x", y="y", value="z")
     ax = drawn[0].axes[0]
     assert (ax.get_xlim(), ax.get_ylim()) == ((0.0, 2.0), (0.0, 1.0))
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
@@ -124,21 +124,21 @@ def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(readi
 
 
 def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: Reading, tmp_path: Path) -> None:
-    text = robustness(reading, tmp_path, file="r", cells={"it": HERE}, worlds={"plain one": "plain"})
+    text = told(robustness, reading, tmp_path, file="r", cells={"it": HERE}, worlds={"plain one": "plain"})
     row = pd.read_csv(tmp_path / "tables/r.csv").to_dict("records")[0]
-    assert (row["reached"], row["free"], row["n"]) == (0.5, 0.75, 4)
+    assert (row["reached"], row["free"], row["free_n"]) == (0.5, 0.75, 4)
     assert row["reached_low"] < 0.5 < row["reached_high"]
     assert row["clearance_m"] == pytest.approx(0.2)
     assert row["clearance_least_m"] == pytest.approx(-0.01)
-    assert row["clearance_low_m"] <= 0.2 <= row["clearance_high_m"]
+    assert row["clearance_m_low"] <= 0.2 <= row["clearance_m_high"]
     assert "| plain one | it | 2 of 4: 0.500 [" in text
     assert "3 of 4: 0.750 [" in text
 
 
 def test_where_nothing_stands_round_there_is_no_clearance(tmp_path: Path) -> None:
     alone = store(tmp_path / "in", [(a_cell("A"), [episode(math.inf)] * 3)])
-    text = robustness(alone, tmp_path, file="r", cells={"it": HERE}, worlds={"plain": "plain"})
-    assert text.splitlines()[2].endswith("| – | – |")
+    text = told(robustness, alone, tmp_path, file="r", cells={"it": HERE}, worlds={"plain": "plain"})
+    assert "| – | – |\n" in text
 
 
 def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> None:
@@ -150,11 +150,11 @@ def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> N
     traced = record.traces.copy()
     traced[:4, 0] = states
     reading = store(tmp_path / "in", [(a_cell("A"), [record._replace(traces=traced)])])
-    text = spells_on_the_way(
+    text = told(
+        spells_on_path,
         reading,
         tmp_path,
         file="w",
-        caption="c",
         select=HERE,
         column="behavior",
         values={"go": 0.0, "follow": 1.0},

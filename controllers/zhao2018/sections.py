@@ -130,12 +130,8 @@ def gains(
         pairs = page.reading.pairs(sides["select"], sides["than"], each=True)
         mine, other = outcomes(pairs).values()
         both = pairs[mine & other]
-        entry: list[Any] = [
-            title,
-            share(mine),
-            share(other),
-            newcombe_paired(mine, other) if len(pairs) >= MANY else None,
-        ]
+        shares = [share(side) if len(pairs) else None for side in (mine, other)]
+        entry: list[Any] = [title, *shares, newcombe_paired(mine, other) if len(pairs) >= MANY else None]
         for k, metric in enumerate(("path_length_m", "time_s")):
             decrease = 100.0 * (1.0 - both[metric].to_numpy() / both[f"{metric}_other"].to_numpy())
             entry += [(printed or {}).get(title, (None, None))[k], _median(decrease)]

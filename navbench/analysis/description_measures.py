@@ -83,10 +83,10 @@ def _column(reading: Reading, table: str, column: str) -> "pd.DataFrame":
     tables = reading.descriptions
     if table not in tables:
         allowed = ", ".join(tables) or "none"
-        raise DescriptionError(f"{reading.path}: no description {table!r}; there are: {allowed}")
+        raise DescriptionError(f"{reading.results.path}: no description {table!r}; there are: {allowed}")
     if column not in tables[table].columns:
         allowed = ", ".join(tables[table].columns)
-        raise DescriptionError(f"{reading.path}: {table}: no column {column!r}; there are: {allowed}")
+        raise DescriptionError(f"{reading.results.path}: {table}: no column {column!r}; there are: {allowed}")
     return tables[table]
 
 
@@ -95,7 +95,7 @@ def _one(reading: Reading, table: str, column: str, where: Select) -> float:
     for name, value in where.items():
         rows = rows[_column(reading, table, name).loc[rows.index, name] == value]
     if len(rows) != 1:
-        raise DescriptionError(f"{reading.path}: {table}: {len(rows)} rows match {dict(where)}, not one")
+        raise DescriptionError(f"{reading.results.path}: {table}: {len(rows)} rows match {dict(where)}, not one")
     return float(rows[column].iloc[0])
 
 

@@ -184,7 +184,7 @@ def difference_in_time(reading: Reading, select: Select, than: Select) -> Measur
     here, there = outcomes(rows).values()
     limits_s = {reading.world(run_id).time_limit_s for run_id in {*rows["run_id"], *rows["run_id_other"]}}
     if len(limits_s) != 1:
-        raise DescriptionError(f"{reading.path}: {select}: the worlds must share one time limit")
+        raise DescriptionError(f"{reading.results.path}: {select}: the worlds must share one time limit")
     times_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     rng = np.random.default_rng(RESAMPLING_SEED)
     return Measured.of(restricted_mean_difference(times_s[0], here, times_s[1], there, limits_s.pop(), rng))

@@ -18,33 +18,20 @@ PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share
 
 
 class Reading:
-    """Results directories, read once; of several, as of a sweep's cells, all cells together.
+    """A results directory, read once.
 
     Args:
-        results: the directories, at least one.
+        results: the directory.
     """
 
-    def __init__(self, *results: Results) -> None:
+    def __init__(self, results: Results) -> None:
         self.results = results
-        manifests = [one.manifest() for one in results]
-        tunings = [tuning for manifest in manifests for tuning in manifest["tunings"]]
-        cells = [(i, cell) for i, manifest in enumerate(manifests) for cell in manifest["cells"]]
-        first: dict[str, int] = {}
-        for i, cell in cells:
-            first.setdefault(cell["run_id"], i)  # where a cell that stands in several directories is read
-        self._where = {run_id: results[i] for run_id, i in first.items()}
-        kept = [cell for i, cell in cells if first[cell["run_id"]] == i]
-        self.manifest = {**manifests[0], "cells": kept, "tunings": tunings}
+        self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Travel to another process as the directories alone, to be read again there."""
-        return Reading, self.results
-
-    @property
-    def path(self) -> str:
-        """Where the results lie, for messages."""
-        return ", ".join(str(one.path) for one in self.results)
+        """Travel to another process as the directory alone, to be read again there."""
+        return Reading, (self.results,)
 
     @cached_property
     def episodes(self) -> "pd.DataFrame":
@@ -52,16 +39,12 @@ class Reading:
 
         A cell that stands under two names gives its rows twice.
         """
-        import pandas as pd
-
-        parts = [one.episodes() for one in self.results]
-        mine = [rows[rows["run_id"].map(self._where) == one] for rows, one in zip(parts, self.results, strict=True)]
-        return self.cells.merge(pd.concat(mine, ignore_index=True), on="run_id")
+        return self.cells.merge(self.results.episodes(), on="run_id")
 
     def trajectory(self, run_id: str) -> "pd.DataFrame":
         """Return the trajectories of one run."""
         if run_id not in self._trajectories:
-            self._trajectories[run_id] = self._where[run_id].trajectories(run_id)
+            self._trajectories[run_id] = self.results.trajectories(run_id)
         return self._trajectories[run_id]
 
     def way(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
@@ -77,14 +60,12 @@ class Reading:
         Raises:
             ResultsError: nothing was tuned.
         """
-        import pandas as pd
-
-        return pd.concat([one.evaluations() for one in self.results if one.manifest()["tunings"]], ignore_index=True)
+        return self.results.evaluations()
 
     @cached_property
     def descriptions(self) -> "dict[str, pd.DataFrame]":
         """The tables that controllers offered of themselves, by name."""
-        return {name: table for one in self.results for name, table in one.descriptions().items()}
+        return self.results.descriptions()
 
     @cached_property
     def cells(self) -> "pd.DataFrame":
@@ -125,7 +106,7 @@ class Reading:
             matching &= rows[column].isin(value if isinstance(value, list) else [value]).to_numpy()
         rows = rows[matching]
         if rows.empty:
-            raise DescriptionError(f"{self.path}: no episodes match {wanted}")
+            raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
         return rows
 
     def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any], each: bool = False) -> "pd.DataFrame":
@@ -142,7 +123,7 @@ class Reading:
         sides = self.select(**select), self.select(**than)
         for rows in sides:
             if not each and rows.duplicated(PAIR).any():
-                raise DescriptionError(f"{self.path}: {rows['label'].iloc[0]} met the same start several times")
+                raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
         return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
 
 

@@ -7,7 +7,7 @@ from navbench.analysis.claims import Claim, judge
 from navbench.analysis.measures import check_measure, measure
 from navbench.analysis.stored import Reading, reached
 from navbench.mathematics.statistics import Interval
-from navbench.report.document import MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
+from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
 from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError, describe
 
@@ -34,6 +34,8 @@ def findings(page: Page, *, sentences: Sequence[Mapping[str, Any]]) -> Blocks:
 def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     figures = {}
     for name, spec in sentence.get("with", {}).items():
+        if spec.get("show", "interval") not in FORMS:
+            raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
         asked = {word: value for word, value in spec.items() if word not in SHOWN}
         check_measure(f"{key}.with.{name}", asked)
         arguments = {word: value for word, value in asked.items() if word != "name"}

@@ -7,7 +7,7 @@ from navbench.report.document import MISSING, Block, Document, Finding, Heading,
 
 def render(document: Document) -> str:
     """Return a report in Markdown; its links are relative to it."""
-    parts = [f"# {document.title}\n", *([f"{document.summary.strip()}\n"] if document.summary else [])]
+    parts = [f"# {document.title}\n", *([f"\n{document.summary.strip()}\n"] if document.summary else [])]
     for i, block in enumerate(document.blocks):
         listed = isinstance(block, Finding) and i and isinstance(document.blocks[i - 1], Finding)
         parts.append(("" if listed else "\n") + _block(block))

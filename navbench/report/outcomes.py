@@ -84,7 +84,7 @@ ROBUST = (
     Column("", "label"),
     Column("all robots reached", "reached", decimals=3, show="share"),
     Column("nothing touched", "free", decimals=3, show="share"),
-    Column("median least clearance", "clearance", "m", 3),
+    Column("median least clearance", "clearance_m", "m", 3),
     Column("least of all", "clearance_least_m", "m", 3),
 )
 

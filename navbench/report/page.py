@@ -76,5 +76,5 @@ class Page:
         tables = self.reading.descriptions
         if name not in tables:
             allowed = ", ".join(tables) or "none"
-            raise DescriptionError(f"{self.reading.path}: no description {name!r}; there are: {allowed}")
+            raise DescriptionError(f"{self.reading.results.path}: no description {name!r}; there are: {allowed}")
         return tables[name]

@@ -11,7 +11,7 @@ from navbench.experiments.store import Results, write_table
 from navbench.report import latex, markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
 from navbench.report.page import Page
-from navbench.report.runs import reading_of, sections_of
+from navbench.report.runs import Joined, sections_of
 from navbench.report.sections import Spec, build_section, check_section, named
 
 Each = Callable[[Callable[[Spec | str], list[Block]], Sequence[Spec | str]], Iterable[list[Block]]]
@@ -48,12 +48,8 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bo
     for name, reading in studies.items():
         files += _study(reading, out / name, each, trust)
         links.append(Link(reading.manifest["study"]["title"], f"{name}/report.md"))
-    document = (
-        _runs([results for reading in others for results in reading.results], out)
-        if others
-        else Document("Reports", [])
-    )
-    return list(dict.fromkeys([*_write(Document(document.title, [*document.blocks, *links]), out), *files]))
+    document = _runs([reading.results for reading in others], out) if others else Document("Reports", [])
+    return list(dict.fromkeys([*write_document(Document(document.title, [*document.blocks, *links]), out), *files]))
 
 
 def _study(reading: Reading, out: Path, each: Each, trust: bool) -> list[Path]:
@@ -68,18 +64,18 @@ def _study(reading: Reading, out: Path, each: Each, trust: bool) -> list[Path]:
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
-    return [*_write(document, out), out / "findings.json"]
+    return [*write_document(document, out), out / "findings.json"]
 
 
 def _runs(runs: Sequence[Results], out: Path) -> Document:
     """Return the report of runs without a study's report."""
-    page = Page(reading_of(runs), out)
+    page = Page(Reading(Joined(runs)), out)
     blocks = [block for spec in sections_of(page.reading) for block in build_section(page, spec)]
     count = len(page.reading.manifest["cells"])
     return Document(f"Results of {count} cells" if count != 1 else "Results of one cell", blocks)
 
 
-def _write(document: Document, out: Path) -> list[Path]:
+def write_document(document: Document, out: Path) -> list[Path]:
     """Write a report and its tables, and return its files; the plots are there."""
     import pandas as pd
 

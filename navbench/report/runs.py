@@ -1,28 +1,73 @@
 """What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.stored import Reading
 from navbench.experiments.store import Results
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SCENE = ("world", "start_jitter_m", "start_heading_jitter_rad")  # what cells share that met the same starts
 
 
-def reading_of(runs: Sequence[Results]) -> Reading:
-    """Return results directories as one, each cell called by what tells it from the others of its controller.
+class Joined(Results):
+    """Results directories read as one, each cell called by what tells it from the others of its controller.
 
     A cell's ``name`` is its world, with what differs between cells in worlds of this name; its ``label`` is its
     controller, with what else differs between cells of this controller.
+
+    Args:
+        runs: the directories, at least one.
     """
-    reading = Reading(*runs)
-    cells = reading.manifest["cells"]
-    scenes, rest = zip(*(_halves(cell["configuration"]) for cell in cells), strict=True)
-    names = _told_apart([cell["world"] for cell in cells], scenes)
-    labels = _told_apart([cell["controller"] for cell in cells], rest)
-    for cell, name, label in zip(cells, names, labels, strict=True):
-        cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
-    return reading
+
+    def __init__(self, runs: Sequence[Results]) -> None:
+        super().__init__(runs[0].path)
+        self._runs = runs
+        self._where: dict[str, Results] = {}  # where a cell that stands in several directories is read
+        for run in runs:
+            for cell in run.manifest()["cells"]:
+                self._where.setdefault(cell["run_id"], run)
+
+    def manifest(self) -> dict[str, Any]:
+        """Return the first directory's manifest with the cells and tunings of all."""
+        manifests = [run.manifest() for run in self._runs]
+        cells = [
+            cell
+            for run, manifest in zip(self._runs, manifests, strict=True)
+            for cell in manifest["cells"]
+            if self._where[cell["run_id"]] is run
+        ]
+        scenes, rest = zip(*(_halves(cell["configuration"]) for cell in cells), strict=True)
+        names = _told_apart([cell["world"] for cell in cells], scenes)
+        labels = _told_apart([cell["controller"] for cell in cells], rest)
+        for cell, name, label in zip(cells, names, labels, strict=True):
+            cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
+        return {
+            **manifests[0],
+            "cells": cells,
+            "tunings": [one for manifest in manifests for one in manifest["tunings"]],
+        }
+
+    def episodes(self) -> "pd.DataFrame":
+        """Return the table of episodes."""
+        import pandas as pd
+
+        parts = [(run, run.episodes()) for run in self._runs]
+        mine = [rows[[self._where[run_id] is run for run_id in rows["run_id"]]] for run, rows in parts]
+        return pd.concat(mine, ignore_index=True)
+
+    def trajectories(self, run_id: str = "") -> "pd.DataFrame":
+        """Return the trajectories of one cell."""
+        return (self._where[run_id] if run_id else self._runs[0]).trajectories(run_id)
+
+    def evaluations(self) -> "pd.DataFrame":
+        """Return the table of evaluations."""
+        import pandas as pd
+
+        tuned = [run.evaluations() for run in self._runs if run.manifest()["tunings"]]
+        return pd.concat(tuned, ignore_index=True)
 
 
 def sections_of(reading: Reading) -> list[dict[str, Any]]:
