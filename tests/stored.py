@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
@@ -141,7 +141,7 @@ def store(
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
-) -> Reading:
+) -> StoredResults:
     """Write a results directory and return it as it is read.
 
     Args:
@@ -170,12 +170,12 @@ def store(
     for name, table in (descriptions or {}).items():
         results.write_description(name, table)
     results.end()
-    return Reading(results)
+    return StoredResults(results)
 
 
-def told(section: Callable[..., Blocks], reading: Reading, out: Path, **arguments: Any) -> str:
+def told(section: Callable[..., Blocks], stored: StoredResults, out: Path, **arguments: Any) -> str:
     """Build a section, write what it consists of, and return it in Markdown; ``file`` is "t" unless it is given."""
     own = {name: arguments.pop(name) for name in ("file", "caption") if name in arguments}
-    document = Document("", section(Page(reading, out, **{"file": "t", "caption": "c", **own}), **arguments))
+    document = Document("", section(Page(stored, out, **{"file": "t", "caption": "c", **own}), **arguments))
     write_document(document, out)
     return render(document)

@@ -5,8 +5,9 @@ from typing import Any
 import pytest
 import yaml
 
-from navbench.analysis.claims import COLUMNS, Claim, Measured, Tolerance, judge, verdict
+from navbench.analysis.claims import COLUMNS, Claim, Tolerance, judge, verdict
 from navbench.analysis.measures import check_measure
+from navbench.mathematics.statistics import Estimate
 from navbench.report.sections import check_section
 from navbench.validation import DescriptionError, describe
 
@@ -32,8 +33,8 @@ def a_claim(printed: float = 10.0, evidence: Any = "free", **tolerance: float) -
     )
 
 
-def found(value: float) -> Measured:
-    return Measured(value, value, value, 1)
+def found(value: float) -> Estimate:
+    return Estimate(value, value, value, 1)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +70,7 @@ def test_a_relative_tolerance_has_a_width_for_either_sign(printed: float) -> Non
 
 
 @pytest.mark.parametrize("measured", [None, found(math.nan), found(math.inf)])
-def test_what_could_not_be_measured_is_not_testable(measured: Measured | None) -> None:
+def test_what_could_not_be_measured_is_not_testable(measured: Estimate | None) -> None:
     decided, reason = verdict(a_claim(), measured)
     assert decided == "not_testable"
     assert reason

@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 from stored import a_cell, a_record, store, told
 
-from navbench.analysis.claims import Measured
 from navbench.analysis.measures import measure
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.controllers.lei2014.sections import surface_2d
 from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
 from navbench.experiments.store import Results
+from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.report import page
 from navbench.report.outcomes import robustness
@@ -38,7 +38,7 @@ def episode(clearance_m: float, contacts: int = 0, outcome: str = "reached", **c
     return record._replace(metrics=record.metrics._replace(min_clearance_m=clearance_m, collisions=contacts))
 
 
-def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Reading:
+def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> StoredResults:
     """Return stored episodes of several robots, by their controller's label."""
     results = Results(path)
     cells = {label: a_cell(label) for label in fleets}
@@ -49,18 +49,18 @@ def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Read
         ]
         results.write_batch(cells[label].key, range(len(episodes)), rows)
     results.end()
-    return Reading(results)
+    return StoredResults(results)
 
 
 @pytest.fixture
-def reading(tmp_path: Path) -> Reading:
+def reading(tmp_path: Path) -> StoredResults:
     here = [episode(0.4), episode(0.1), episode(0.3, outcome="timed_out"), episode(-0.01, 1, "collided")]
     there = [episode(0.2), episode(0.2), episode(0.3), episode(-0.02, 1, "collided")]
     cells = [(a_cell("A"), here), (a_cell("B"), there)]
     return store(tmp_path / "in", cells, descriptions=TABLES)
 
 
-def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: Reading, tmp_path: Path) -> None:
+def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: StoredResults, tmp_path: Path) -> None:
     text = told(counts, reading, tmp_path, file="c", table="it-list", by=["agent", "agrees"])
     lines = [line for line in text.splitlines() if line.startswith("|")][2:]
     assert lines == [
@@ -72,7 +72,9 @@ def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: Re
     assert pd.read_csv(tmp_path / "tables/c.csv", keep_default_na=False).to_dict("list") == TABLES["it-list"]
 
 
-def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(reading: Reading, tmp_path: Path) -> None:
+def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(
+    reading: StoredResults, tmp_path: Path
+) -> None:
     shuffled = {name: values[::-1] for name, values in TABLES["it-surface"].items()}
     other = store(tmp_path / "other", [(a_cell("A"), [a_record()])], descriptions={"it-surface": shuffled})
     drawn = []
@@ -87,7 +89,7 @@ def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(reading
 
 
 def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
-    reading: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    reading: StoredResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(page, "save_figure", lambda figure, *_: drawn.append(figure))
@@ -97,8 +99,8 @@ def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
 
 
-def test_described_rows_are_counted(reading: Reading) -> None:
-    def count(**where: Any) -> Measured | None:
+def test_described_rows_are_counted(reading: StoredResults) -> None:
+    def count(**where: Any) -> Estimate | None:
         return measure(reading, "described_count", {"table": "it-list", "where": where})
 
     assert count(agent="wall") == (3.0, 3.0, 3.0, 5)
@@ -113,7 +115,9 @@ def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path
     assert (found.value, found.n) == (0.5, 2)
 
 
-def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(reading: Reading, tmp_path: Path) -> None:
+def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(
+    reading: StoredResults, tmp_path: Path
+) -> None:
     found = measure(reading, "share_of_fleets_clearer", {"select": HERE, "than": THERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 4)  # 0.4 > 0.2, 0.1 < 0.2, 0.3 = 0.3, -0.01 > -0.02
@@ -123,7 +127,7 @@ def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(readi
     assert (found.value, found.n) == (0.0, 1)
 
 
-def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: Reading, tmp_path: Path) -> None:
+def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: StoredResults, tmp_path: Path) -> None:
     text = told(robustness, reading, tmp_path, file="r", cells={"it": HERE}, worlds={"plain one": "plain"})
     row = pd.read_csv(tmp_path / "tables/r.csv").to_dict("records")[0]
     assert (row["reached"], row["free"], row["free_n"]) == (0.5, 0.75, 4)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from stored import a_cell, a_record, store, told
 
 from navbench.analysis.paths import cut, number_places
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.controllers.nemeiksis2019.sections import spells_on_path
 from navbench.report import page
 from navbench.report.described import memberships
@@ -46,7 +46,7 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     return figures
 
 
-def a_reading(path: Path, behavior: list[float], **changes: Any) -> Reading:
+def a_reading(path: Path, behavior: list[float], **changes: Any) -> StoredResults:
     """Return what a robot did that drove straight ahead, with its behaviours, one more than it acted upon."""
     record = a_record(**changes)
     traced = record.traces.copy()

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from stored import CROSSING, LIMIT_S, ROBOT, WORLD, Fleet, a_cell, a_drive, a_record, store, told
 
-from navbench.analysis.claims import Measured
 from navbench.analysis.fleets import fleets
 from navbench.analysis.measures import measure
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.controllers.zhao2018.sections import evolution, gains
+from navbench.mathematics.statistics import Estimate
 from navbench.report.figures import MOVER as MOVER_COLOUR
 from navbench.report.outcomes import fleet_table
 from navbench.report.tables import summarize, to_markdown, to_text
@@ -50,7 +50,7 @@ def a_fleet(*times_s: float | None, contacts: tuple[tuple[int, int, int], ...] =
     ]
 
 
-def two_controllers(path: Path) -> Reading:
+def two_controllers(path: Path) -> StoredResults:
     here = [a_fleet(10.0, 12.0), a_fleet(30.0, 20.0), a_fleet(5.0, None), a_fleet(None, None)]
     there = [a_fleet(11.0, 11.0), a_fleet(11.0, None), a_fleet(None, None), a_fleet(None, 9.0)]
     return store(path, [(a_cell("A"), here), (a_cell("B"), there)])
@@ -125,8 +125,8 @@ def test_fleets_are_printed_only_where_robots_drive_together(tmp_path: Path) -> 
 # --- measures of fleets ---
 
 
-def value_of(reading: Reading, name: str, **arguments: Any) -> Measured:
-    found = measure(reading, name, arguments)
+def value_of(stored: StoredResults, name: str, **arguments: Any) -> Estimate:
+    found = measure(stored, name, arguments)
     assert found is not None
     return found
 
@@ -141,7 +141,9 @@ def test_fleets_are_compared_episode_by_episode(tmp_path: Path) -> None:
     found = value_of(two_controllers(tmp_path), "difference_in_fleets", select=A, than=B)
     assert (found.value, found.n) == (0.25, 4)
     assert found.low < 0.25 < found.high
-    back = value_of(Reading(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A)
+    back = value_of(
+        StoredResults(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A
+    )
     assert back.value == -0.25
 
 
@@ -249,7 +251,7 @@ def test_each_tuning_makes_a_pair_only_when_asked(tmp_path: Path) -> None:
 # --- frames and wheel speeds ---
 
 
-def a_crossing(path: Path) -> Reading:
+def a_crossing(path: Path) -> StoredResults:
     straight = [[(1.0 + k, 5.0 + 0.1 * k) for k in range(19)], [(19.0 - k, 5.0) for k in range(10)]]
     fleet = [
         a_drive([0.5] * (len(places) - 1), index=i, places=places, on=[0] + [1] * (len(places) - 2))
@@ -360,7 +362,7 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
 COSTS = {("ga", 0): [8.0, 6.0, 9.0, 4.0, 5.0], ("ga", 2): [10.0, 12.0, 11.0, 9.0], ("pso", 0): [3.0, 4.0, 5.0]}
 
 
-def evolved(path: Path) -> Reading:
+def evolved(path: Path) -> StoredResults:
     return store(path, [(a_cell("A"), [a_record()])], costs=COSTS)
 
 
@@ -393,7 +395,7 @@ def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Pa
     assert [text.get_text() for text in legend.get_texts()] == ["seed 0", "seed 2", "first population"]
 
 
-def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> Reading:
+def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> StoredResults:
     """Return A's and B's times, None where they failed; A's way is 2 m, B's 4 m."""
     sides = [
         [a_record("collided" if t is None else "reached", t or 1.0, length_m) for t in times]

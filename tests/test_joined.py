@@ -13,7 +13,7 @@ import pytest
 from stored import a_cell, a_record, store, told
 from test_reports import CLAIM, STUDY
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.crossing import crossed_tables, success_map
 from navbench.report.joined import read_claims, read_study, write_joined
 from navbench.report.reports import write_report
@@ -183,7 +183,7 @@ def test_findings_keep_title_summary_and_errata(joined: Path) -> None:
 
 
 @pytest.fixture
-def crossed(tmp_path: Path) -> Reading:
+def crossed(tmp_path: Path) -> StoredResults:
     """Two controllers in two worlds: F alone in one, in the other in pairs, of which one half fails."""
     pair = [a_record(time_s=12.0), a_record("collided", 1.0, 0.2)._replace(robot_index=1)]
     cells = [
@@ -195,10 +195,10 @@ def crossed(tmp_path: Path) -> Reading:
     reading = store(tmp_path / "in", cells)
     pairs = [(0, pair[0]), (0, pair[1]), (1, pair[0]), (1, pair[0]._replace(robot_index=1))]
     reading.results.write_batch(cells[2][0].key, range(2), pairs)
-    return Reading(reading.results)
+    return StoredResults(reading.results)
 
 
-def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: Reading, tmp_path: Path) -> None:
+def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: StoredResults, tmp_path: Path) -> None:
     text = told(crossed_tables, crossed, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
     assert "| one paper | plain | 2 of 3 [0.21, 0.94] | 0 of 3 [0.00, 0.56] |" in text
     assert "| another | other | 1 of 2 [0.09, 0.91] | 2 of 2 [0.34, 1.00] |" in text
@@ -210,7 +210,7 @@ def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: R
     assert table[["success", "episodes"]].to_numpy().tolist() == [[pytest.approx(2 / 3), 3], [0, 3], [0.5, 2], [1, 2]]
 
 
-def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: Reading, tmp_path: Path) -> None:
+def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: StoredResults, tmp_path: Path) -> None:
     panels = {"panel 1": {"name": "printed"}}
     told(success_map, crossed, tmp_path, file="m", panels=panels, groups=GROUPS, home={"F": "another"})
     drawn = (tmp_path / "figures/m.svg").read_text()
@@ -222,7 +222,7 @@ def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: R
     assert shares == pytest.approx([2 / 3, 0.0, 0.5, 1.0])
 
 
-def test_a_home_that_is_no_group_is_refused(crossed: Reading, tmp_path: Path) -> None:
+def test_a_home_that_is_no_group_is_refused(crossed: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match="home=elsewhere: there is no such group; allowed: one paper, another"):
         told(
             success_map,

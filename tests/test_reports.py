@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store, told
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.controllers.aouf2019.sections import surface
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.controllers.zhao2018.sections import rules_compared
@@ -237,7 +237,7 @@ def a_crossing(periods: int) -> Fleet:
     return fleet
 
 
-def smoke(path: Path) -> Reading:
+def smoke(path: Path) -> StoredResults:
     """Return a small study with everything that the sections ask for."""
     rng = np.random.default_rng(3)
     cells: list[tuple[StudyCell, Sequence[RobotRecord | Fleet]]] = []
@@ -271,12 +271,12 @@ def smoke(path: Path) -> Reading:
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Reading:
+def stored(tmp_path_factory: pytest.TempPathFactory) -> StoredResults:
     return smoke(tmp_path_factory.mktemp("smoke"))
 
 
 @pytest.fixture(scope="module")
-def files(stored: Reading, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def files(stored: StoredResults, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The small study's report, which takes seconds: what it says that it wrote."""
     return write_report([stored.results], tmp_path_factory.mktemp("report"))
 
@@ -296,7 +296,7 @@ def test_the_smoke_study_has_every_section() -> None:
 
 @pytest.mark.parametrize("spec", STUDY["report"], ids=lambda spec: spec["name"])
 def test_every_section_runs_and_links_only_to_what_it_wrote(
-    spec: dict[str, Any], stored: Reading, tmp_path: Path
+    spec: dict[str, Any], stored: StoredResults, tmp_path: Path
 ) -> None:
     document = Document("", build_section(Page(stored, tmp_path), spec))
     write_document(document, tmp_path)
@@ -316,7 +316,9 @@ def test_a_report_lists_its_files_and_holds_title_summary_and_making(files: list
     assert not re.search(r"/tmp|/home", text)
 
 
-def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, written: Path, tmp_path: Path) -> None:
+def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(
+    stored: StoredResults, written: Path, tmp_path: Path
+) -> None:
     code = (
         "import sys\n"
         "for name in ('pybullet', 'hydra', 'omegaconf'): sys.modules[name] = None\n"
@@ -331,7 +333,9 @@ def test_a_report_is_the_same_bytes_without_pybullet_and_hydra(stored: Reading, 
     assert bytes_of(tmp_path) == bytes_of(written)
 
 
-def test_a_report_is_the_same_bytes_from_several_processes(stored: Reading, written: Path, tmp_path: Path) -> None:
+def test_a_report_is_the_same_bytes_from_several_processes(
+    stored: StoredResults, written: Path, tmp_path: Path
+) -> None:
     write_report([stored.results], tmp_path, partial(in_processes, workers=2))
     assert bytes_of(tmp_path) == bytes_of(written)
 
@@ -418,7 +422,7 @@ def test_dying_early_never_looks_fast_in_the_comparison(tmp_path: Path) -> None:
     assert row["shorter_n"] == 1
 
 
-def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: Reading, tmp_path: Path) -> None:
+def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: StoredResults, tmp_path: Path) -> None:
     told(sources, stored, tmp_path)
     rows = pd.read_csv(tmp_path / "tables/t.csv", keep_default_na=False, dtype=str).to_dict("records")
     found = {(row["part"], row["parameter"], row["source"]): row for row in rows}
@@ -451,17 +455,19 @@ def test_an_interval_without_width_is_not_printed() -> None:
 
 
 @pytest.mark.parametrize("say", ["{b}", "{a:furlongs}", "{a"])
-def test_a_sentence_that_cannot_be_told_is_refused(say: str, stored: Reading, tmp_path: Path) -> None:
+def test_a_sentence_that_cannot_be_told_is_refused(say: str, stored: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"sentences\[0\]\.say"):
         told(findings, stored, tmp_path, sentences=[{"say": say, "with": {"a": FASTER}}])
 
 
-def test_a_form_of_a_figure_that_there_is_not_is_refused_with_those_there_are(stored: Reading, tmp_path: Path) -> None:
+def test_a_form_of_a_figure_that_there_is_not_is_refused_with_those_there_are(
+    stored: StoredResults, tmp_path: Path
+) -> None:
     with pytest.raises(DescriptionError, match=r"sentences\[0\]\.with\.a\.show=furlongs: .*interval"):
         told(findings, stored, tmp_path, sentences=[{"say": "{a}", "with": {"a": {**FASTER, "show": "furlongs"}}}])
 
 
-def test_findings_are_kept_as_data_beside_the_report(stored: Reading, written: Path) -> None:
+def test_findings_are_kept_as_data_beside_the_report(stored: StoredResults, written: Path) -> None:
     kept = json.loads((written / "findings.json").read_text())
     (finding,) = kept["findings"]
     assert f"- {finding['text']}\n" in (written / "report.md").read_text()
@@ -492,7 +498,7 @@ def test_a_figure_without_a_case_is_told_and_kept_as_such(tmp_path: Path) -> Non
         ),
         ({"name": "errata", "title": "a"}, ["report[0].items: missing"]),
         ({"name": "comparisn"}, ["report[0].name=comparisn", "did you mean comparison?"]),
-        ("nowhere.sections.mine", ["report[0].name=nowhere.sections.mine: is no part of navbench", "--trust"]),
+        ("nowhere.sections.mine", ["report[0].name=nowhere.sections.mine: lies outside navbench", "--trust"]),
         ("navbench.nowhere.mine", ["report[0].name=navbench.nowhere.mine: cannot be imported"]),
     ],
 )
@@ -507,7 +513,7 @@ def test_an_argument_with_a_default_may_be_left_out() -> None:
     check_section("report[0]", "comparison")
 
 
-def test_rules_that_differ_from_the_first_ones_have_a_star(stored: Reading, tmp_path: Path) -> None:
+def test_rules_that_differ_from_the_first_ones_have_a_star(stored: StoredResults, tmp_path: Path) -> None:
     tables = {"printed": "sflc-rules", "evolved": "evolved-rules"}
     text = told(rules_compared, stored, tmp_path, tables=tables)
     assert "| heading_error | turn | speed: printed | speed: evolved |" in text
@@ -515,7 +521,7 @@ def test_rules_that_differ_from_the_first_ones_have_a_star(stored: Reading, tmp_
     assert "| P | P | S | L* |" in text
 
 
-def test_a_missing_description_is_named(stored: Reading, tmp_path: Path) -> None:
+def test_a_missing_description_is_named(stored: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"'zhao-surface'.*sflc-surface"):
         told(surface, stored, tmp_path, table="zhao-surface")
 
@@ -548,14 +554,14 @@ def test_a_section_of_ones_own_is_run_where_it_is_trusted_and_named_where_not(
     (tmp_path / "mine/sections.py").write_text(
         "from navbench.report.document import Column\n\n\n"
         "def fastest(page, *, select):\n"
-        "    least = page.reading.select(**select)['time_s'].min()\n"
+        "    least = page.stored.select(**select)['time_s'].min()\n"
         "    return [page.table([Column('fastest', 'time_s', 's', 1)], [[least]])]\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     report = [{"name": "mine.sections.fastest", "select": {"label": "F"}}, "comparison"]
     cells = [(a_cell("F"), [a_record(time_s=9.5)]), (a_cell("G"), [a_record(time_s=8.0)])]
     results = store(tmp_path / "in", cells, {**STUDY, "claims": [], "report": report}).results
-    refused = r"report\[0\]\.name=mine\.sections\.fastest: is no part of navbench; .*--trust"
+    refused = r"report\[0\]\.name=mine\.sections\.fastest: lies outside navbench; --trust"
     with pytest.raises(DescriptionError, match=refused):
         write_report([results], tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -25,29 +25,29 @@ PHASES = (
 
 
 def phases(page: Page, *, select: Select) -> Blocks:
-    """Return what a robot under aouf2019's arbitration went through, on its way and as a table.
+    """Return what a robot under aouf2019's arbitration went through, on its path and as a table.
 
     Args:
         select: one cell of one episode.
     """
     row = page.first(select)
-    way = page.reading.way(row).reset_index(drop=True)
+    path = page.stored.trajectory(row).reset_index(drop=True)
     figure, axes = new_figure(1, 1, 5.2, 5.0)
     ax = axes[0, 0]
-    draw_world(ax, page.reading.world(row["run_id"], row["episode"]))
-    follows = (way["behavior"] == 1.0).to_numpy()
+    draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
+    follows = (path["behavior"] == 1.0).to_numpy()
     for holds, color, name in ((~follows, PALETTE[0], "go to goal"), (follows, PALETTE[1], "follow wall")):
         shown = holds | np.roll(holds, 1)  # each piece reaches the beginning of the next
-        ax.plot(way["x_m"].where(shown), way["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)
-    goal = page.reading.world(row["run_id"], row["episode"]).goals[row["robot_index"]]
+        ax.plot(path["x_m"].where(shown), path["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)
+    goal = page.stored.world(row["run_id"], row["episode"]).goals[row["robot_index"]]
     rows = []
-    for i, phase in enumerate(phases_of(way, row["outcome"]), 1):
-        t_s, x_m, y_m = way[["t_s", "x_m", "y_m"]].iloc[phase.row]
+    for i, phase in enumerate(phases_of(path, row["outcome"]), 1):
+        t_s, x_m, y_m = path[["t_s", "x_m", "y_m"]].iloc[phase.row]
         rows.append([i, phase.name, t_s, x_m, y_m, math.hypot(goal.x_m - x_m, goal.y_m - y_m)])
     robot = page.robot(row["run_id"])
-    cut(ax, [way], robot.radius_m)
+    cut(ax, [path], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
-    number_places(ax, [(i, x_m, y_m) for i, _, _, x_m, y_m, _ in rows], NEAR_M, [way])
+    number_places(ax, [(i, x_m, y_m) for i, _, _, x_m, y_m, _ in rows], NEAR_M, [path])
     return [page.plot(figure), page.table(PHASES, rows)]
 
 
@@ -63,10 +63,15 @@ def velocities(page: Page, *, select: Select, panels: Mapping[str, str], labels:
     for column, (title, world) in zip(axes.T, panels.items(), strict=True):
         for depth, label in enumerate(labels):
             row = page.first({**select, "world": world, "label": label})
-            way = page.reading.way(row).iloc[:-1]
+            path = page.stored.trajectory(row).iloc[:-1]
             for ax, name in zip(column, ("v_mps", "w_radps"), strict=True):
                 ax.step(
-                    way["t_s"], way[name], where="post", color=page.styles[label].color, linewidth=1.1, zorder=9 - depth
+                    path["t_s"],
+                    path[name],
+                    where="post",
+                    color=page.styles[label].color,
+                    linewidth=1.1,
+                    zorder=9 - depth,
                 )
         column[0].set_title(title)
         column[1].set_xlabel("t [s]")

@@ -26,12 +26,12 @@ def spells_on_path(
         least_periods: shorter spells are drawn and left out of the table.
     """
     row = page.first(select)
-    way = page.reading.way(row)
+    path = page.stored.trajectory(row)
     figure, axes = new_figure(1, 1, SIDE_INCHES, SIDE_INCHES)
     ax = axes[0, 0]
-    draw_world(ax, page.reading.world(row["run_id"], row["episode"]))
-    held = way[column].to_numpy()[:-1]
-    x_m, y_m = way["x_m"].to_numpy(), way["y_m"].to_numpy()
+    draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
+    held = path[column].to_numpy()[:-1]
+    x_m, y_m = path["x_m"].to_numpy(), path["y_m"].to_numpy()
     for i, (called, value) in enumerate(values.items()):
         shown = np.append(held == value, False)
         shown[1:] |= shown[:-1].copy()  # each piece reaches the beginning of the next
@@ -40,16 +40,16 @@ def spells_on_path(
             ax.plot(*drawn, color=PALETTE[i], linewidth=2.4, label=called)
     names = {value: called for called, value in values.items()}
     rows = [
-        [i, names[spell.value], *way[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
+        [i, names[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
         for i, spell in enumerate(spells(held, least_periods))
     ]
     robot = page.robot(row["run_id"])
-    ratio = cut(ax, [way], robot.radius_m, square=False)
+    ratio = cut(ax, [path], robot.radius_m, square=False)
     figure.set_size_inches(SIDE_INCHES / max(ratio, 1.0) + WORDS_INCHES, SIDE_INCHES * min(ratio, 1.0) + WORDS_INCHES)
     draw_circle(ax, x_m[0], y_m[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     left_m, right_m = ax.get_xlim()
-    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [way])
+    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [path])
     places = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
     columns = [Column("", "number"), Column(column, column), *places, Column("periods", "periods")]
     return [page.plot(figure), page.table(columns, rows)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import outcomes
-from navbench.mathematics.statistics import Interval, bootstrap_median, median_and_range, newcombe_paired, share
+from navbench.mathematics.statistics import Estimate, bootstrap_median, median_and_range, newcombe_paired, share
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.figures import PALETTE, new_figure
 from navbench.report.page import Page, Select
@@ -39,7 +39,7 @@ def evolution(page: Page, *, tunings: Mapping[str, str], first: int, columns: in
         first: the size of the first population, the un-evolved chromosome first and its random mutants behind it.
         columns: how many panels stand side by side.
     """
-    rows = page.reading.evaluations
+    rows = page.stored.evaluations
     columns = min(columns, len(tunings))
     figure, axes = new_figure(-(-len(tunings) // columns), columns, 4.6, 2.9)
     entries = []
@@ -127,7 +127,7 @@ def gains(
     """
     entries = []
     for title, sides in rows.items():
-        pairs = page.reading.pairs(sides["select"], sides["than"], each=True)
+        pairs = page.stored.pairs(sides["select"], sides["than"], each=True)
         mine, other = outcomes(pairs).values()
         both = pairs[mine & other]
         shares = [share(side) if len(pairs) else None for side in (mine, other)]
@@ -139,7 +139,7 @@ def gains(
     return [page.table(GAINS, entries)]
 
 
-def _median(values: Any) -> Interval | None:
+def _median(values: Any) -> Estimate | None:
     if not len(values):
         return None
     return (

@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.mathematics.statistics import Interval, wilson
+from navbench.mathematics.statistics import Estimate
 from navbench.validation import STRICT, DescriptionError, Number, Positive
 
 if TYPE_CHECKING:
@@ -75,42 +73,7 @@ class Claim:
     evidence: Literal["free", "selected", "fitted", "layout_unknown"]
 
 
-class Measured(NamedTuple):
-    """What was measured of a claim.
-
-    Attributes:
-        value: the figure beside the printed one.
-        low: the lower end of its interval or range.
-        high: the upper end.
-        n: of how many cases.
-    """
-
-    value: float
-    low: float
-    high: float
-    n: int
-
-    @classmethod
-    def median(cls, values: ArrayLike) -> "Measured | None":
-        """Return the median with the range; None of nothing."""
-        values = np.asarray(values, dtype=np.float64)
-        if not len(values):
-            return None
-        return cls(float(np.median(values)), float(values.min()), float(values.max()), len(values))
-
-    @classmethod
-    def share(cls, cases: ArrayLike) -> "Measured | None":
-        """Return the share of cases that hold, with Wilson's interval; None of no case."""
-        cases = np.asarray(cases, dtype=bool)
-        return cls.of(wilson(int(cases.sum()), len(cases))) if len(cases) else None
-
-    @classmethod
-    def of(cls, interval: Interval) -> "Measured":
-        """Return what statistics says of a figure."""
-        return cls(interval.value, interval.low, interval.high, interval.n)
-
-
-def verdict(claim: Claim, measured: Measured | None) -> tuple[Verdict, str]:
+def verdict(claim: Claim, measured: Estimate | None) -> tuple[Verdict, str]:
     """Return the verdict on a claim and, where it does not speak for itself, the reason."""
     if measured is None or not math.isfinite(measured.value):
         compares = claim.measure.get("name") != "not_comparable"
@@ -123,7 +86,7 @@ def verdict(claim: Claim, measured: Measured | None) -> tuple[Verdict, str]:
     return agrees, ""  # type: ignore[return-value]
 
 
-def judge(claims: Sequence[Claim], measured: Sequence[Measured | None]) -> "pd.DataFrame":
+def judge(claims: Sequence[Claim], measured: Sequence[Estimate | None]) -> "pd.DataFrame":
     """Return the table of claims, as ``claims.csv`` holds it."""
     import pandas as pd
 

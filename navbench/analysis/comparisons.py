@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from navbench.analysis.measures import RESAMPLING_SEED
-from navbench.analysis.stored import Reading, outcomes, reached
+from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics.statistics import (
-    Interval,
+    Estimate,
     WinRatio,
     median_and_range,
     newcombe_paired,
@@ -34,28 +34,28 @@ class Comparison(NamedTuple):
     """
 
     label: str
-    reached: Interval
-    reached_difference: Interval | None
-    time_s: Interval
-    time_difference_s: Interval | None
+    reached: Estimate
+    reached_difference: Estimate | None
+    time_s: Estimate
+    time_difference_s: Estimate | None
     wins: WinRatio | None
-    length_m: Interval | None
-    shorter: Interval | None
+    length_m: Estimate | None
+    shorter: Estimate | None
 
 
-def compare(reading: Reading, select: Mapping[str, Any], label: str, reference: str) -> Comparison | None:
+def compare(stored: StoredResults, select: Mapping[str, Any], label: str, reference: str) -> Comparison | None:
     """Return one controller beside the reference; None where they met no start in common.
 
     Args:
-        reading: the stored results.
+        stored: the stored results.
         select: the cells of one world in which both are.
         label: the controller's label.
         reference: the reference's label.
     """
-    rows = reading.pairs({**select, "label": label}, {**select, "label": reference})
+    rows = stored.pairs({**select, "label": label}, {**select, "label": reference})
     if rows.empty:
         return None
-    limit_s = reading.world(rows["run_id"].iloc[0]).time_limit_s
+    limit_s = stored.world(rows["run_id"].iloc[0]).time_limit_s
     mine, other = outcomes(rows).values()
     time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     lengths = reached(rows)["path_length_m"].to_numpy()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
 
 
-class Reading:
+class StoredResults:
     """A results directory, read once.
 
     Args:
@@ -31,7 +31,7 @@ class Reading:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
-        return Reading, (self.results,)
+        return StoredResults, (self.results,)
 
     @cached_property
     def episodes(self) -> "pd.DataFrame":
@@ -41,17 +41,19 @@ class Reading:
         """
         return self.cells.merge(self.results.episodes(), on="run_id")
 
-    def trajectory(self, run_id: str) -> "pd.DataFrame":
+    def trajectories(self, run_id: str) -> "pd.DataFrame":
         """Return the trajectories of one run."""
         if run_id not in self._trajectories:
             self._trajectories[run_id] = self.results.trajectories(run_id)
         return self._trajectories[run_id]
 
-    def way(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
+    def trajectory(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
         """Return the trajectory that belongs to a row of the table of episodes."""
-        ways = self.trajectory(row["run_id"])
-        way: pd.DataFrame = ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
-        return way
+        trajectories = self.trajectories(row["run_id"])
+        trajectory: pd.DataFrame = trajectories[
+            (trajectories["episode"] == row["episode"]) & (trajectories["robot_index"] == row["robot_index"])
+        ]
+        return trajectory
 
     @cached_property
     def evaluations(self) -> "pd.DataFrame":

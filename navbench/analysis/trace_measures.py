@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.claims import Measured
-from navbench.analysis.stored import Reading, reached
+from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.stored import StoredResults, reached
+from navbench.mathematics.statistics import Estimate
 from navbench.validation import DescriptionError
 
 FloatArray = NDArray[np.float64]
@@ -27,93 +28,93 @@ class Spell(NamedTuple):
     length: int
 
 
-def median_periods(reading: Reading, select: Select) -> Measured | None:
+def median_periods(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the median number of control periods of the robots that reached, with its range."""
-    rows = reached(reading.select(**select)).to_dict("records")
-    return Measured.median([len(reading.way(row)) - 1 for row in rows])
+    rows = reached(stored.select(**select)).to_dict("records")
+    return median_of([len(stored.trajectory(row)) - 1 for row in rows])
 
 
-def median_spread(reading: Reading, column: str, select: Select) -> Measured | None:
+def median_spread(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return how far a column's values lie apart in an episode, the greatest less the least: the median episode's."""
-    return Measured.median([float(np.ptp(values)) for values in _columns(reading, column, select)])
+    return median_of([float(np.ptp(values)) for values in _columns(stored, column, select)])
 
 
-def median_last(reading: Reading, column: str, select: Select) -> Measured | None:
+def median_last(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return a column's value in the last control period: the median episode's, with the range."""
-    return Measured.median([float(values[-1]) for values in _columns(reading, column, select)])
+    return median_of([float(values[-1]) for values in _columns(stored, column, select)])
 
 
 def share_of_periods_within(
-    reading: Reading, columns: Sequence[str], low: float, high: float, select: Select
-) -> Measured | None:
+    stored: StoredResults, columns: Sequence[str], low: float, high: float, select: Select
+) -> Estimate | None:
     """Return in what share of an episode's control periods all of some columns lie within a band.
 
     The value is the median episode's, with the range: periods follow from one another and are no independent cases.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         columns: which columns.
         low: the band's lower end, in it.
         high: the band's upper end, in it.
         select: which cells.
     """
     shares = []
-    for values in zip(*(_columns(reading, column, select) for column in columns), strict=True):
+    for values in zip(*(_columns(stored, column, select) for column in columns), strict=True):
         shares.append(float(np.mean(np.all([(low <= one) & (one <= high) for one in values], axis=0))))
-    return Measured.median(shares)
+    return median_of(shares)
 
 
-def share_of_periods_changing(reading: Reading, column: str, by: float, select: Select) -> Measured | None:
+def share_of_periods_changing(stored: StoredResults, column: str, by: float, select: Select) -> Estimate | None:
     """Return in what share of an episode's control periods a column differs from the one before, by more than this.
 
     The value is the median episode's, with the range, see ``share_of_periods_within``.
     """
-    changes = [np.abs(np.diff(values)) for values in _columns(reading, column, select)]
-    return Measured.median([float(np.mean(change > by)) for change in changes])
+    changes = [np.abs(np.diff(values)) for values in _columns(stored, column, select)]
+    return median_of([float(np.mean(change > by)) for change in changes])
 
 
-def share_never_rising(reading: Reading, column: str, slack: float, select: Select) -> Measured | None:
+def share_never_rising(stored: StoredResults, column: str, slack: float, select: Select) -> Estimate | None:
     """Return the share of episodes in which a column rises from no control period to the next by more than a slack."""
-    return Measured.share([bool((np.diff(values) <= slack).all()) for values in _columns(reading, column, select)])
+    return share_of([bool((np.diff(values) <= slack).all()) for values in _columns(stored, column, select)])
 
 
 def share_in_sequence(
-    reading: Reading, column: str, values: Sequence[float], least_periods: int, select: Select
-) -> Measured | None:
+    stored: StoredResults, column: str, values: Sequence[float], least_periods: int, select: Select
+) -> Estimate | None:
     """Return the share of episodes in which a column takes just these values, one after the other.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         column: the column, such as the active agent.
         values: in the order that the paper tells.
         least_periods: shorter spells do not count, and what they part is one spell.
         select: which cells.
     """
-    happened = [[s.value for s in spells(found, least_periods)] for found in _columns(reading, column, select)]
-    return Measured.share([way == list(values) for way in happened])
+    happened = [[s.value for s in spells(found, least_periods)] for found in _columns(stored, column, select)]
+    return share_of([trajectory == list(values) for trajectory in happened])
 
 
-def median_changes(reading: Reading, column: str, select: Select) -> Measured | None:
+def median_changes(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return how often a column changes its value in an episode: the median episode's, with the range."""
-    return Measured.median([int(np.count_nonzero(np.diff(values))) for values in _columns(reading, column, select)])
+    return median_of([int(np.count_nonzero(np.diff(values))) for values in _columns(stored, column, select)])
 
 
 def share_jumping(
-    reading: Reading,
+    stored: StoredResults,
     column: str,
     switched: str,
     value: float,
     least_periods: int,
     share_of_range: float,
     select: Select,
-) -> Measured | None:
+) -> Estimate | None:
     """Return at what share of the switches a column's values change by much of all that they change by in the episode.
 
     A switch is where a spell of one value, of some length at least, gives way to one of another. Looked at are as many
     control periods before it and after it as a spell must have.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         column: the column that is said to jump.
         switched: the column whose spells are looked at, such as the active agent.
         value: only switches from or to this value of it count.
@@ -122,12 +123,12 @@ def share_jumping(
         select: which cells.
     """
     jumps = []
-    for found, agents in zip(_columns(reading, column, select), _columns(reading, switched, select), strict=True):
+    for found, agents in zip(_columns(stored, column, select), _columns(stored, switched, select), strict=True):
         for before, after in itertools.pairwise(spells(agents, least_periods)):
             if value in (before.value, after.value):
                 near = found[max(after.begin - least_periods, 0) : after.begin + least_periods]
                 jumps.append(bool(np.ptp(near) >= share_of_range * np.ptp(found)))
-    return Measured.share(jumps)
+    return share_of(jumps)
 
 
 def spells(values: FloatArray, least_periods: int = 1) -> list[Spell]:
@@ -148,13 +149,13 @@ def spells(values: FloatArray, least_periods: int = 1) -> list[Spell]:
     return found
 
 
-def _columns(reading: Reading, column: str, select: Select) -> Iterator[FloatArray]:
+def _columns(stored: StoredResults, column: str, select: Select) -> Iterator[FloatArray]:
     """Yield a column of each episode, without the row at its end, at which nothing acted any more."""
-    for row in reading.select(**select).to_dict("records"):
-        way = reading.way(row)
-        if column not in way.columns:
-            raise DescriptionError(f"{column}: there is no such column; allowed: {', '.join(way.columns)}")
-        yield way[column].to_numpy()[:-1]
+    for row in stored.select(**select).to_dict("records"):
+        trajectory = stored.trajectory(row)
+        if column not in trajectory.columns:
+            raise DescriptionError(f"{column}: there is no such column; allowed: {', '.join(trajectory.columns)}")
+        yield trajectory[column].to_numpy()[:-1]
 
 
 MEASURES = (

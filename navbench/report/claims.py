@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.claims import Claim, judge
 from navbench.analysis.measures import check_measure, measure
-from navbench.analysis.stored import Reading, reached
-from navbench.mathematics.statistics import Interval
+from navbench.analysis.stored import StoredResults, reached
+from navbench.mathematics.statistics import Estimate
 from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
 from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError, describe
@@ -39,7 +39,7 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
         asked = {word: value for word, value in spec.items() if word not in SHOWN}
         check_measure(f"{key}.with.{name}", asked)
         arguments = {word: value for word, value in asked.items() if word != "name"}
-        found = measure(page.reading, asked["name"], arguments)
+        found = measure(page.stored, asked["name"], arguments)
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
     finding = Finding(sentence["say"], figures)
@@ -56,7 +56,7 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
     Args:
         groups: counted apart: the claims whose ids begin with one of these.
     """
-    table = judged(page.reading)
+    table = judged(page.stored)
     chosen = {
         title: table[table["id"].str.startswith(tuple(beginnings))]
         for title, beginnings in {**(groups or {}), "all claims": [""]}.items()
@@ -86,13 +86,13 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
     ]
 
 
-def judged(reading: Reading) -> "pd.DataFrame":
+def judged(stored: StoredResults) -> "pd.DataFrame":
     """Return the table of the study's claims with their verdicts, with the columns of ``claims.csv``."""
-    listed = [describe(Claim, claim, f"claims[{i}]") for i, claim in enumerate(reading.manifest["study"]["claims"])]
+    listed = [describe(Claim, claim, f"claims[{i}]") for i, claim in enumerate(stored.manifest["study"]["claims"])]
     found = []
     for claim in listed:
         name, arguments = claim.measure["name"], {k: v for k, v in claim.measure.items() if k != "name"}
-        found.append(measure(reading, name, arguments))
+        found.append(measure(stored, name, arguments))
     return judge(listed, found)
 
 
@@ -122,14 +122,14 @@ def printed_table(
         labels: the rows; of some of them the paper may print nothing.
     """
     decimals, raw, rows = DECIMALS.get(metric, 4), [], []
-    printed = _printed(page.reading, claims)
+    printed = _printed(page.stored, claims)
     for label in labels:
         row: list[Any] = [label]
         for title, world in worlds.items():
-            runs = page.reading.select(**select, label=label, world=world)
+            runs = page.stored.select(**select, label=label, world=world)
             values = reached(runs)[metric]
             figure = printed.get((label, world), printed.get((None, world)))
-            ours = Interval(values.median(), values.min(), values.max(), len(values))
+            ours = Estimate(values.median(), values.min(), values.max(), len(values))
             ratio = None if figure is None else ours.value / figure
             fewer = "" if len(values) == len(runs) else f" ({len(values)} of {len(runs)} reached)"
             row += [None if figure is None else f"{figure:g}", words(ours, decimals=decimals) + fewer, ratio]
@@ -140,10 +140,10 @@ def printed_table(
     return [page.table([Column(""), *heads], rows, Data(names, raw))]
 
 
-def _printed(reading: Reading, beginning: str) -> dict[tuple[str | None, str], float]:
+def _printed(stored: StoredResults, beginning: str) -> dict[tuple[str | None, str], float]:
     """Return the printed figures of some claims by the label, None for every one, and world of each."""
     found: dict[tuple[str | None, str], float] = {}
-    for claim in reading.manifest["study"]["claims"]:
+    for claim in stored.manifest["study"]["claims"]:
         if claim["id"].startswith(beginning):
             cells = claim["measure"].get("select", {})
             found[cells.get("label"), cells["world"]] = claim["printed"]

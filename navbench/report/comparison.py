@@ -63,15 +63,15 @@ def compared(
         DescriptionError: the reference is not among the controllers of a world.
     """
     if worlds is None:
-        worlds = {name: name for name in dict.fromkeys(page.reading.select(**select)["world"])}
+        worlds = {name: name for name in dict.fromkeys(page.stored.select(**select)["world"])}
     found = {}
     for title, world in worlds.items():
         cells = {**select, **({"world": world} if isinstance(world, str) else world)}
-        here = set(page.reading.select(**cells)["label"])
-        labels = [label for label in page.reading.labels if label in here]
+        here = set(page.stored.select(**cells)["label"])
+        labels = [label for label in page.stored.labels if label in here]
         if reference and reference not in here:
             raise DescriptionError(f"reference={reference}: has no episodes in {title}; allowed: {', '.join(labels)}")
-        beside = [compare(page.reading, cells, label, reference or labels[0]) for label in labels]
+        beside = [compare(page.stored, cells, label, reference or labels[0]) for label in labels]
         found[title] = [one for one in beside if one is not None]
     return found
 

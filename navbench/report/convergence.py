@@ -23,7 +23,7 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
         tunings: the name of each tuning and what it is called, as are the cells that take its best; None for all.
         unit: of the cost.
     """
-    rows = page.reading.evaluations
+    rows = page.stored.evaluations
     tunings = tunings or {name: name for name in dict.fromkeys(rows["name"])}
     best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
     parameters = [name for name in rows.columns if name not in NO_PARAMETERS and best[name].dtype.kind in "fi"]

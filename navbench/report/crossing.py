@@ -1,4 +1,4 @@
-"""Sections of a report in which every controller meets every world: who arrives, how soon, by which way."""
+"""Sections of a report in which every controller meets every world: who arrives, how soon, by which path."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import reached
-from navbench.mathematics.statistics import Interval, share
+from navbench.mathematics.statistics import Estimate, share
 from navbench.report.document import Block, Blocks, Column, Data, Heading, Table, number, words
 from navbench.report.figures import PALETTE, new_figure
 from navbench.report.page import Page, Select
@@ -58,13 +58,13 @@ class Crossing(NamedTuple):
         arrived: how many robots reached.
         robots: of how many.
         time_s: the median time of those [s]; nan where none reached.
-        length_m: the median length of their ways [m]; nan where none reached.
+        length_m: the median length of their paths [m]; nan where none reached.
     """
 
     group: str
     world: str
     label: str
-    success: Interval
+    success: Estimate
     arrived: int
     robots: int
     time_s: float
@@ -133,8 +133,8 @@ def _crossings(page: Page, select: Select, groups: Groups) -> list[Crossing]:
     found = []
     for group, worlds in groups.items():
         for world in worlds:
-            rows = page.reading.select(**select, world=world)
-            for label in (label for label in page.reading.labels if label in set(rows["label"])):
+            rows = page.stored.select(**select, world=world)
+            for label in (label for label in page.stored.labels if label in set(rows["label"])):
                 mine = rows[rows["label"] == label]
                 good = reached(mine)
                 success = share(fleets(mine)["success"].to_numpy(dtype=bool))
@@ -150,7 +150,7 @@ def _labels(page: Page, found: Sequence[Crossing]) -> list[str]:
         DescriptionError: one of them met some worlds only.
     """
     worlds = {c.world for c in found}
-    labels = [label for label in page.reading.labels if label in {c.label for c in found}]
+    labels = [label for label in page.stored.labels if label in {c.label for c in found}]
     for label in labels:
         missing = worlds - {c.world for c in found if c.label == label}
         if missing:

@@ -179,7 +179,7 @@ def draw_cells(panels: "Sequence[tuple[dict[str, Any], pd.DataFrame, pd.DataFram
 
 
 def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
-    """Draw a world with the ways of all episodes, coloured by outcome.
+    """Draw a world with the paths of all episodes, coloured by outcome.
 
     Args:
         ax: where to draw.
@@ -193,12 +193,16 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
     robot = describe(Robot, cell["configuration"]["robot"], "robot")
     draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
-    for count, (key, way) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
+    for count, (key, trajectory) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
         if count == LINES_MAX:
             break
         colour = COLOURS[outcomes[key]]
-        ax.plot(way["x_m"], way["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4)
-        ax.add_patch(_circle(way["x_m"].iloc[-1], way["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour))
+        ax.plot(
+            trajectory["x_m"], trajectory["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4
+        )
+        ax.add_patch(
+            _circle(trajectory["x_m"].iloc[-1], trajectory["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour)
+        )
     for start in world.starts:
         ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
     seen = [name for name in COLOURS if name in set(outcomes.values())]
@@ -215,7 +219,7 @@ def draw_world(ax: "Axes", world: World, t_s: float | None = None) -> None:
     Args:
         ax: where to draw.
         world: what to draw, its layout drawn.
-        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their ways.
+        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their paths.
     """
     from matplotlib.patches import Polygon
 

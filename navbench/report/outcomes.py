@@ -8,7 +8,7 @@ import numpy as np
 from navbench.analysis.fleets import clearances, fleets
 from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import reached
-from navbench.mathematics.statistics import Interval, bootstrap_median, share
+from navbench.mathematics.statistics import Estimate, bootstrap_median, share
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.page import Page, Select
 
@@ -26,7 +26,7 @@ def outcomes_table(page: Page, *, cells: Mapping[str, Select], worlds: Mapping[s
     for title, select in cells.items():
         row: list[Any] = [title]
         for world in worlds.values():
-            runs = page.reading.select(**select, world=world)
+            runs = page.stored.select(**select, world=world)
             good = reached(runs)
             counts = {name: int((runs["outcome"] == name).sum()) for name in FAILED}
             medians = good["time_s"].median(), good["path_length_m"].median()
@@ -67,7 +67,7 @@ def fleet_table(page: Page, *, select: Select, worlds: Mapping[str, str], labels
     rows = []
     for title, world in worlds.items():
         for label in labels:
-            robots = page.reading.select(**select, world=world, label=label)
+            robots = page.stored.select(**select, world=world, label=label)
             table = fleets(robots)
             shares = [
                 share(all_in.to_numpy(dtype=bool)) for all_in in (table["success"], robots["outcome"] == "reached")
@@ -103,11 +103,11 @@ def robustness(page: Page, *, cells: Mapping[str, Select], worlds: Mapping[str, 
     rows = []
     for place, world in worlds.items():
         for title, select in cells.items():
-            robots = page.reading.select(**select, world=world)
+            robots = page.stored.select(**select, world=world)
             kept = clearances(robots)
             least_m = kept["clearance_m"].to_numpy()
             shares = share(fleets(robots)["success"].to_numpy(dtype=bool)), share((kept["contacts"] == 0).to_numpy())
-            near: tuple[Interval | None, float | None] = (None, None)
+            near: tuple[Estimate | None, float | None] = (None, None)
             if np.isfinite(least_m).all():
                 near = bootstrap_median(least_m, np.random.default_rng(RESAMPLING_SEED)), float(least_m.min())
             rows.append([place, title, *shares, *near])

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.document import Blocks, Cell, Column, Data, Plot, Table
 from navbench.report.figures import Style, save_figure, styles
 from navbench.robot import Robot
@@ -30,14 +30,14 @@ class Page:
     """What a section is given.
 
     Attributes:
-        reading: the stored results.
+        stored: the stored results.
         out: the report's directory.
         file: what its tables and figures are called.
         caption: of its figure.
         trust: whether measures outside navbench may be run.
     """
 
-    reading: Reading
+    stored: StoredResults
     out: Path
     file: str = ""
     caption: str = ""
@@ -46,7 +46,7 @@ class Page:
     @cached_property
     def styles(self) -> Mapping[str, Style]:
         """How each label is drawn."""
-        return styles(self.reading.labels)
+        return styles(self.stored.labels)
 
     def table(
         self, columns: Sequence[Column], rows: Sequence[Sequence[Cell]], data: Data | None = None, more: str = ""
@@ -61,11 +61,11 @@ class Page:
 
     def first(self, select: Select) -> Mapping[Any, Any]:
         """Return the first matching row of the table of episodes."""
-        return self.reading.select(**select).to_dict("records")[0]
+        return self.stored.select(**select).to_dict("records")[0]
 
     def robot(self, run_id: str) -> Robot:
         """Return a cell's robot."""
-        return describe(Robot, self.reading.configuration(run_id)["configuration"]["robot"], "robot")
+        return describe(Robot, self.stored.configuration(run_id)["configuration"]["robot"], "robot")
 
     def described(self, name: str) -> "pd.DataFrame":
         """Return a table that a controller offered of itself.
@@ -73,8 +73,8 @@ class Page:
         Raises:
             DescriptionError: there is none of this name.
         """
-        tables = self.reading.descriptions
+        tables = self.stored.descriptions
         if name not in tables:
             allowed = ", ".join(tables) or "none"
-            raise DescriptionError(f"{self.reading.results.path}: no description {name!r}; there are: {allowed}")
+            raise DescriptionError(f"{self.stored.results.path}: no description {name!r}; there are: {allowed}")
         return tables[name]

@@ -19,7 +19,7 @@ LONGEST = 60  # of a value in the printed table; the CSV holds it whole
 
 def sources(page: Page) -> Blocks:
     """Return every parameter of every controller, world, robot, sensor suite, simulator and tuner that was used."""
-    manifest = page.reading.manifest
+    manifest = page.stored.manifest
     raw = _joined([*_parts(manifest), *_tuners(manifest)])
     counts = Counter(row["source"] for row in raw)
     told = ", ".join(f"{counts[kind]} {kind}" for kind in (*KINDS, MISSING) if kind in counts)

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results, write_table
 from navbench.report import latex, markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
@@ -38,26 +38,27 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bo
     Raises:
         DescriptionError: there are no results, a study asks for what they do not hold, or names what is not trusted.
     """
-    readings = [Reading(results) for results in runs]
-    studies = {r.manifest["study"]["name"]: r for r in readings if (r.manifest["study"] or {}).get("report")}
-    others = [reading for reading in readings if reading not in studies.values()]
+    every = [StoredResults(results) for results in runs]
+    studies = {r.manifest["study"]["name"]: r for r in every if (r.manifest["study"] or {}).get("report")}
+    others = [stored for stored in every if stored not in studies.values()]
     if len(studies) == 1 and not others:
         return _study(next(iter(studies.values())), out, each, trust)
     files: list[Path] = []
     links = []
-    for name, reading in studies.items():
-        files += _study(reading, out / name, each, trust)
-        links.append(Link(reading.manifest["study"]["title"], f"{name}/report.md"))
-    document = _runs([reading.results for reading in others], out) if others else Document("Reports", [])
-    return list(dict.fromkeys([*write_document(Document(document.title, [*document.blocks, *links]), out), *files]))
+    for name, stored in studies.items():
+        files += _study(stored, out / name, each, trust)
+        links.append(Link(stored.manifest["study"]["title"], f"{name}/report.md"))
+    document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
+    joined = write_document(Document(document.title, [*document.blocks, *links]), out)
+    return list(dict.fromkeys([*joined, *files]))
 
 
-def _study(reading: Reading, out: Path, each: Each, trust: bool) -> list[Path]:
+def _study(stored: StoredResults, out: Path, each: Each, trust: bool) -> list[Path]:
     """Write a study's report and return its files."""
-    study, manifest = reading.manifest["study"], reading.manifest
+    study, manifest = stored.manifest["study"], stored.manifest
     for i, spec in enumerate(study["report"]):
         check_section(f"report[{i}]", spec, trust)
-    page = Page(reading, out, trust=trust)
+    page = Page(stored, out, trust=trust)
     blocks = [block for built in each(partial(build_section, page), study["report"]) for block in built]
     errata = [item for spec in map(named, study["report"]) if spec["name"] == "errata" for item in spec["items"]]
     document = Document(study["title"], [*blocks, *_making(manifest)], study.get("summary") or "", errata)
@@ -69,9 +70,9 @@ def _study(reading: Reading, out: Path, each: Each, trust: bool) -> list[Path]:
 
 def _runs(runs: Sequence[Results], out: Path) -> Document:
     """Return the report of runs without a study's report."""
-    page = Page(Reading(Joined(runs)), out)
-    blocks = [block for spec in sections_of(page.reading) for block in build_section(page, spec)]
-    count = len(page.reading.manifest["cells"])
+    page = Page(StoredResults(Joined(runs)), out)
+    blocks = [block for spec in sections_of(page.stored) for block in build_section(page, spec)]
+    count = len(page.stored.manifest["cells"])
     return Document(f"Results of {count} cells" if count != 1 else "Results of one cell", blocks)
 
 
@@ -100,7 +101,7 @@ def _making(manifest: Mapping[str, Any]) -> list[Block]:
         tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
     text = (
         f"`navbench study {name}` runs it all and writes this report; `navbench report outputs/study/{name}` writes "
-        f"the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
+        f"the report again from stored results, and runs nothing. Estimate: {episodes} episodes in "
         f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results
 
 if TYPE_CHECKING:
@@ -70,16 +70,16 @@ class Joined(Results):
         return pd.concat(tuned, ignore_index=True)
 
 
-def sections_of(reading: Reading) -> list[dict[str, Any]]:
+def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
     """Return the outline of the report of runs: what there is to say of them."""
     scenes: dict[str, set[str]] = {}
-    for cell in reading.manifest["cells"]:
+    for cell in stored.manifest["cells"]:
         scenes.setdefault(cell["name"], set()).add(cell["label"])
     outline: list[dict[str, Any]] = [{"name": "summary"}]
     several = {scene: {"name": scene} for scene, labels in scenes.items() if len(labels) > 1}
     if several:
         outline.append({"name": "comparison", "worlds": several})
-    if reading.manifest["tunings"]:
+    if stored.manifest["tunings"]:
         outline.append({"name": "tuners_compared", "title": "Tunings"})
     return [*outline, {"name": "failures"}, {"name": "trajectories"}]
 

@@ -3,9 +3,10 @@
 import inspect
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from typing import Any, TypeAlias
 
-from navbench.analysis.names import resolve
+from navbench.analysis.resolving import resolve
 from navbench.report.claims import errata, findings, printed_table, verdicts
 from navbench.report.comparison import comparison
 from navbench.report.convergence import tuners_compared
@@ -58,15 +59,20 @@ def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
         DescriptionError: there is no such section, or it does not; the message names what is allowed.
     """
     spec = named(spec)
-    section = resolve(f"{key}.name", str(spec.get("name")), SECTIONS, trust)
+    name = str(spec.get("name"))
+    if "." not in name and name not in SECTIONS:
+        near = get_close_matches(name, SECTIONS, 1)
+        hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(SECTIONS)}, or module.function"
+        raise DescriptionError(f"{key}.name={name}: there is no such section; {hint}")
+    section = SECTIONS.get(name) or resolve(f"{key}.name", name, "", trust=trust)
     parameters = dict(list(inspect.signature(section).parameters.items())[1:])
     allowed = ", ".join((*COMMON, *parameters))
     for given in spec:
         if given not in ("name", *COMMON, *parameters):
-            raise DescriptionError(f"{key}.{given}: unknown key; {spec['name']} takes {allowed}")
+            raise DescriptionError(f"{key}.{given}: unknown key; {name} takes {allowed}")
     for needed, parameter in parameters.items():
         if needed not in spec and parameter.default is inspect.Parameter.empty:
-            raise DescriptionError(f"{key}.{needed}: missing; {spec['name']} takes {allowed}")
+            raise DescriptionError(f"{key}.{needed}: missing; {name} takes {allowed}")
     return section
 
 

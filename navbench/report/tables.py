@@ -105,8 +105,8 @@ def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
 
 def summary(page: Page) -> Blocks:
     """Return one row a cell: who arrived, and the means of those."""
-    cells = page.reading.cells.drop_duplicates("run_id")
-    table = cells[["run_id", "label", "name"]].merge(summarize(page.reading.episodes), on="run_id")
+    cells = page.stored.cells.drop_duplicates("run_id")
+    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.episodes), on="run_id")
     rows = []
     for row in table.to_dict("records"):
         arrived = wilson(row["reached"], row["of"])
@@ -126,7 +126,7 @@ def failed(page: Page, *, at_most: int = 20) -> Blocks:
     Args:
         at_most: how many.
     """
-    rows = page.reading.episodes.drop_duplicates(["run_id", "episode", "robot_index"])
+    rows = page.stored.episodes.drop_duplicates(["run_id", "episode", "robot_index"])
     return [Lines(failures(rows.assign(controller=rows["label"]), at_most) or ["No robot failed."])]
 
 

@@ -58,31 +58,31 @@ def trajectories(
     select = select or {}
     if panels is None:
         return _by_cell(page, select)
-    labels = labels or page.reading.labels
+    labels = labels or page.stored.labels
     columns = columns or 2
     columns = min(columns, len(panels))
     figure, axes = new_figure(-(-len(panels) // columns), columns, 4.4, 4.2)
     starts: dict[Axes, Any] = {}
     for ax, (title, world) in zip(axes.ravel(), panels.items(), strict=False):
-        records = page.reading.select(**select, world=world, label=list(labels)).to_dict("records")
-        draw_world(ax, page.reading.world(records[0]["run_id"], records[0]["episode"]))
-        ways = [(row, page.reading.way(row)) for row in records]
+        records = page.stored.select(**select, world=world, label=list(labels)).to_dict("records")
+        draw_world(ax, page.stored.world(records[0]["run_id"], records[0]["episode"]))
+        paths = [(row, page.stored.trajectory(row)) for row in records]
         robot = page.robot(records[0]["run_id"])
-        for row, way in ways:
+        for row, path in paths:
             one = page.styles[row["label"]]
             if len(labels) == 1:  # a fleet: a colour a robot
                 one = one._replace(color=robot_color(row["robot_index"]))
             rank = labels.index(row["label"])
-            _draw_way(ax, way, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
-            draw_circle(ax, way["x_m"].iloc[0], way["y_m"].iloc[0], robot.radius_m)
+            _draw_way(ax, path, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
+            draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
                 size = 4.0 * nested_width(rank, len(labels))
-                end = way[["x_m", "y_m"]].iloc[-1]
+                end = path[["x_m", "y_m"]].iloc[-1]
                 ax.plot(*end, "X", color=page.styles[row["label"]].color, markersize=size, zorder=20 + rank)
-        cut(ax, [way for _, way in ways], robot.radius_m)
-        first = {f"R{row['robot_index'] + 1}": tuple(way[["x_m", "y_m"]].iloc[0]) for row, way in reversed(ways)}
+        cut(ax, [path for _, path in paths], robot.radius_m)
+        first = {f"R{row['robot_index'] + 1}": tuple(path[["x_m", "y_m"]].iloc[0]) for row, path in reversed(paths)}
         if len(first) > 1:
-            starts[ax] = [(place, name) for name, place in first.items()], [way for _, way in ways], robot.radius_m
+            starts[ax] = [(place, name) for name, place in first.items()], [path for _, path in paths], robot.radius_m
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
@@ -97,9 +97,9 @@ def trajectories(
 def _by_cell(page: Page, select: Select) -> Blocks:
     """Return the trajectories of all episodes, a panel per cell of which they are kept, some panels a figure."""
     panels = []
-    for run_id, rows in page.reading.select(**select).groupby("run_id", sort=False):
+    for run_id, rows in page.stored.select(**select).groupby("run_id", sort=False):
         try:
-            panels.append((page.reading.configuration(str(run_id)), rows, page.reading.trajectory(str(run_id))))
+            panels.append((page.stored.configuration(str(run_id)), rows, page.stored.trajectories(str(run_id))))
         except ResultsError:  # a cell that keeps none
             continue
     plots = []
@@ -109,9 +109,11 @@ def _by_cell(page: Page, select: Select) -> Blocks:
     return plots or [Paragraph("No trajectories were kept.")]
 
 
-def _draw_way(ax: "Axes", way: "pd.DataFrame", color: str, rank: int, count: int, faint: bool, radius_m: float) -> None:
-    """Draw a way; of several tunings the first one strongly, the others behind it."""
-    x_m, y_m = thinned(way[["x_m", "y_m"]].to_numpy(), THINNED_RADII * radius_m).T
+def _draw_way(
+    ax: "Axes", path: "pd.DataFrame", color: str, rank: int, count: int, faint: bool, radius_m: float
+) -> None:
+    """Draw a path; of several tunings the first one strongly, the others behind it."""
+    x_m, y_m = thinned(path[["x_m", "y_m"]].to_numpy(), THINNED_RADII * radius_m).T
     if faint:
         ax.plot(x_m, y_m, color=color, linewidth=0.7, alpha=0.4, zorder=4)
     else:
@@ -119,26 +121,26 @@ def _draw_way(ax: "Axes", way: "pd.DataFrame", color: str, rank: int, count: int
 
 
 def frames(page: Page, *, select: Select, times_s: Sequence[float] = (), columns: int = 5) -> Blocks:
-    """Return an episode of a fleet in frames a), b), ...: robots with their headings and ways so far, and movers.
+    """Return an episode of a fleet in frames a), b), ...: robots with their headings and paths so far, and movers.
 
     Args:
         select: one cell of one episode.
         times_s: when [s]; without any, ten times from the beginning to the end.
         columns: how many frames stand side by side.
     """
-    rows = page.reading.select(**select).to_dict("records")
-    ways = [page.reading.way(row) for row in rows]
-    world = page.reading.world(rows[0]["run_id"], rows[0]["episode"])
+    rows = page.stored.select(**select).to_dict("records")
+    paths = [page.stored.trajectory(row) for row in rows]
+    world = page.stored.world(rows[0]["run_id"], rows[0]["episode"])
     robot = page.robot(rows[0]["run_id"])
-    end_s = max(float(way["t_s"].iloc[-1]) for way in ways)
+    end_s = max(float(path["t_s"].iloc[-1]) for path in paths)
     times = list(times_s) or np.linspace(0.0, end_s, FRAMES).tolist()
     columns, b = min(columns, len(times)), world.bounds
     height = TITLE_INCHES + WIDTH_INCHES * min((b.y_max_m - b.y_min_m) / (b.x_max_m - b.x_min_m), 2.0)
     figure, axes = new_figure(-(-len(times) // columns), columns, WIDTH_INCHES, height, sharex=True, sharey=True)
     for i, (ax, t_s) in enumerate(zip(axes.ravel(), times, strict=False)):
         draw_world(ax, world, t_s)
-        for way, color in zip(ways, map(robot_color, range(len(ways))), strict=True):
-            so_far = way[way["t_s"] <= t_s]
+        for path, color in zip(paths, map(robot_color, range(len(paths))), strict=True):
+            so_far = path[path["t_s"] <= t_s]
             ax.plot(so_far["x_m"], so_far["y_m"], color=color, linewidth=1.0, zorder=5)
             x, y, heading = so_far[["x_m", "y_m", "heading_rad"]].iloc[-1]
             draw_circle(ax, x, y, robot.radius_m, color)
@@ -175,15 +177,15 @@ def time_series(
     """
     figure, axes = new_figure(len(series), len(panels), 3.6 if len(panels) > 1 else 7.0, 1.8, sharex="col")
     for above, (title, select) in zip(axes.T, panels.items(), strict=True):
-        way = page.reading.way(page.first(select))
+        path = page.stored.trajectory(page.first(select))
         for ax, (label, columns) in zip(above, series.items(), strict=True):
             for i, (column, called) in enumerate(columns.items()):
-                values = np.degrees(way[column]) if column.endswith("_rad") else way[column]
+                values = np.degrees(path[column]) if column.endswith("_rad") else path[column]
                 look = {"color": PALETTE[i], "linewidth": nested_width(i, len(columns))}
                 if column in PLACE:
-                    ax.plot(way["t_s"], values, label=called, **look)
+                    ax.plot(path["t_s"], values, label=called, **look)
                 else:
-                    _stairs(ax, way["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
+                    _stairs(ax, path["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
             ax.grid(alpha=0.3)
             ax.set_ylabel(label)
             if ticks and label in ticks:
@@ -217,7 +219,7 @@ def _stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: 
 
 
 def chatter(t_s: FloatArray, values: FloatArray) -> NDArray[np.bool_]:
-    """Return (n - 2,) whether the step at the end of each control period is a jump close to one the other way.
+    """Return (n - 2,) whether the step at the end of each control period is a jump close to one the other path.
 
     Args:
         t_s: (n,) when each period begins, and last the end [s].

@@ -27,17 +27,17 @@ def wheel_velocities(page: Page, *, panels: Mapping[str, Select], active: str, m
     """
     from matplotlib.patches import Patch
 
-    chosen = {title: page.reading.select(**select).to_dict("records") for title, select in panels.items()}
+    chosen = {title: page.stored.select(**select).to_dict("records") for title, select in panels.items()}
     figure, axes = new_figure(max(map(len, chosen.values())), len(panels), 5.0, 1.7, sharex="col", sharey=True)
     for column, (title, rows) in zip(axes.T, chosen.items(), strict=True):
         robot = page.robot(rows[0]["run_id"])
         for ax, row in zip(column, rows, strict=False):
-            way = page.reading.way(row)
-            for begin_s, end_s in _spans(way, active):
+            path = page.stored.trajectory(row)
+            for begin_s, end_s in _spans(path, active):
                 ax.axvspan(begin_s, end_s, color=ACTIVE, linewidth=0.0, zorder=0)
             for side, color, name in ((-0.5, PALETTE[1], "left"), (0.5, PALETTE[0], "right")):
-                speed = way["v_mps"] + side * robot.track_m * way["w_radps"]
-                ax.step(way["t_s"], speed, where="post", color=color, linewidth=0.9, label=name)
+                speed = path["v_mps"] + side * robot.track_m * path["w_radps"]
+                ax.step(path["t_s"], speed, where="post", color=color, linewidth=0.9, label=name)
             ax.set_ylabel(f"R{row['robot_index'] + 1} [m/s]")
             ax.grid(alpha=0.3)
         for ax in column[len(rows) :]:
@@ -51,11 +51,11 @@ def wheel_velocities(page: Page, *, panels: Mapping[str, Select], active: str, m
     return [page.plot(figure)]
 
 
-def _spans(way: "pd.DataFrame", column: str) -> list[tuple[float, float]]:
+def _spans(path: "pd.DataFrame", column: str) -> list[tuple[float, float]]:
     """Return when a state begins and ends [s], short gaps closed."""
-    on: NDArray[np.bool_] = way[column].fillna(0.0).to_numpy() != 0.0
+    on: NDArray[np.bool_] = path[column].fillna(0.0).to_numpy() != 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    t_s = way["t_s"].to_numpy()
+    t_s = path["t_s"].to_numpy()
     spans: list[tuple[float, float]] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         begin_s, end_s = float(t_s[begin]), float(t_s[min(end, len(t_s) - 1)])
