@@ -10,16 +10,18 @@ import pytest
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from stored import CROSSING, LIMIT_S, ROBOT, WORLD, Fleet, a_cell, a_drive, a_record, store
+from stored import CROSSING, LIMIT_S, ROBOT, WORLD, ZHAO2017, ZHAO2018, Fleet, a_cell, a_drive, a_record, store, told
 
 from navbench.analysis.fleets import fleets
-from navbench.analysis.measures import measure
+from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
+from navbench.controllers.zhao2018.sections import evolution, gains
 from navbench.mathematics.statistics import Estimate
-from navbench.report.evolution import evolution, gains
 from navbench.report.figures import MOVER as MOVER_COLOUR
-from navbench.report.fleet_figures import _spans, fleet_table, frames, wheel_velocities
+from navbench.report.outcomes import fleet_table
 from navbench.report.tables import summarize, to_markdown, to_text
+from navbench.report.trajectories import frames
+from navbench.report.wheels import _spans, wheel_velocities
 from navbench.validation import DescriptionError
 
 A, B = {"label": "A"}, {"label": "B"}
@@ -30,12 +32,10 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Keeps the figures that sections draw, instead of saving them, which takes its time."""
     figures: list[Figure] = []
 
-    def keep(figure: Figure, out: Path, stem: str, caption: str) -> str:
+    def keep(figure: Figure, _out: Path, _stem: str) -> None:
         figures.append(figure)
-        return f"![{caption}](figures/{stem}.png)"
 
-    for module in ("fleet_figures", "evolution"):
-        monkeypatch.setattr(f"navbench.report.{module}.save_figure", keep)
+    monkeypatch.setattr("navbench.report.page.save_figure", keep)
     return figures
 
 
@@ -100,16 +100,16 @@ def test_a_single_robot_is_a_fleet_of_one(tmp_path: Path) -> None:
 def test_the_summary_counts_fleets_and_averages_the_makespan_of_those_that_succeeded(tmp_path: Path) -> None:
     table = summarize(two_controllers(tmp_path).results.episodes())
     assert table["robots"].tolist() == [2, 2]
-    assert table["reached"].tolist() == ["5 of 8", "4 of 8"]
-    assert table["fleets"].tolist() == ["2 of 4", "1 of 4"]
+    assert table[["reached", "of"]].to_numpy().tolist() == [[5, 8], [4, 8]]
+    assert table[["fleets", "episodes"]].to_numpy().tolist() == [[2, 4], [1, 4]]
     assert table["makespan_s"].tolist() == [21.0, 11.0]
 
 
 def test_a_cell_without_a_success_has_no_makespan(tmp_path: Path) -> None:
     table = summarize(store(tmp_path, [(a_cell("A"), [a_fleet(9.0, None)])]).results.episodes())
-    assert table["fleets"].tolist() == ["0 of 1"]
+    assert table[["fleets", "episodes"]].to_numpy().tolist() == [[0, 1]]
     assert math.isnan(table["makespan_s"][0])
-    assert to_text(table).splitlines()[-1].split()[-1] == "-"
+    assert to_text(table).splitlines()[-1].split()[-1] == "–"
 
 
 def test_fleets_are_printed_only_where_robots_drive_together(tmp_path: Path) -> None:
@@ -138,27 +138,34 @@ def test_the_share_of_fleets_counts_episodes_and_not_robots(tmp_path: Path) -> N
 
 
 def test_fleets_are_compared_episode_by_episode(tmp_path: Path) -> None:
-    found = value_of(two_controllers(tmp_path), "difference_in_fleets", select=A, than=B)
+    found = value_of(two_controllers(tmp_path), "difference", metric="success", select=A, than=B)
     assert (found.value, found.n) == (0.25, 4)
     assert found.low < 0.25 < found.high
     back = value_of(
-        StoredResults(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A
+        StoredResults(two_controllers(tmp_path / "again").results), "difference", metric="success", select=B, than=A
     )
     assert back.value == -0.25
 
 
 def test_fleets_that_never_met_the_same_world_have_no_difference(tmp_path: Path) -> None:
     cells = [(a_cell("A", "plain"), [a_fleet(9.0, 9.0)]), (a_cell("B", "other"), [a_fleet(9.0, 9.0)])]
-    stored = store(tmp_path, cells)
-    assert measure(stored, "difference_in_fleets", {"select": A, "than": B}) is None
-    assert measure(stored, "difference_in_reached", {"select": A, "than": B}) is None
-    assert measure(stored, "difference_in_time", {"select": A, "than": B}) is None
-    assert measure(stored, "median_decrease", {"metric": "time_s", "select": A, "than": B}) is None
+    reading = store(tmp_path, cells)
+    assert measure(reading, "difference", {"metric": "success", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "reached", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "time_s", "select": A, "than": B}) is None
+    assert (
+        measure(
+            reading,
+            f"{ZHAO2018}.median_decrease",
+            {"metric": "time_s", "select": A, "than": B},
+        )
+        is None
+    )
 
 
 def test_only_shared_episodes_are_compared(tmp_path: Path) -> None:
     cells = [(a_cell("A"), [a_fleet(9.0, 9.0), a_fleet(9.0, 9.0)]), (a_cell("B"), [a_fleet(9.0, None)])]
-    found = value_of(store(tmp_path, cells), "difference_in_fleets", select=A, than=B)
+    found = value_of(store(tmp_path, cells), "difference", metric="success", select=A, than=B)
     assert (found.value, found.n) == (1.0, 1)
 
 
@@ -172,17 +179,17 @@ MOVER = {
 @pytest.mark.parametrize("phase_s", [0.0, 3.3, 100.0])
 def test_a_movers_speed_is_told_leg_by_leg_as_a_share_of_the_wheels_limit(phase_s: float, tmp_path: Path) -> None:
     scene = {**WORLD, "movers": [{**MOVER, "speeds_mps": [0.25, 0.25]}, {**MOVER, "phase_s": phase_s}]}
-    stored = store(tmp_path, [(a_cell("A", scene=scene), [a_record(), a_record()])])
+    reading = store(tmp_path, [(a_cell("A", scene=scene), [a_record(), a_record()])])
     assert ROBOT["wheel_speed_max_mps"] == 0.5
     for mover, leg, share in ((1, 0, 0.8), (1, 1, 0.2), (1, 2, 0.2), (1, 3, 0.8), (0, 1, 0.5)):
-        found = value_of(stored, "mover_speed", mover=mover, leg=leg, select=A)
+        found = value_of(reading, f"{ZHAO2017}.mover_speed", mover=mover, leg=leg, select=A)
         assert found == pytest.approx((share, share, share, 1))
 
 
 def test_a_movers_speed_counts_each_cell_once(tmp_path: Path) -> None:
     scenes = {f"w{speed}": {**WORLD, "movers": [{**MOVER, "speeds_mps": [speed, 0.1]}]} for speed in (0.1, 0.2, 0.4)}
-    stored = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
-    assert value_of(stored, "mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
+    reading = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
+    assert value_of(reading, f"{ZHAO2017}.mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
 
 
 DISCS = [{"x_m": 1.0, "y_m": 0.5, "radius_m": 0.3}, {"x_m": 2.0, "y_m": -0.7, "radius_m": 0.2}]
@@ -192,20 +199,20 @@ def test_a_disc_is_met_from_hull_to_hull_by_whichever_robot_and_not_when_it_was_
     scene = {**WORLD, "boxes": [], "discs": DISCS}
     still, along = [(0.0, -0.9)] * 4, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)]
     fleet = [a_drive([0.1] * 3, index=0, places=still), a_drive([0.1] * 3, index=1, places=along)]
-    stored = store(tmp_path / "met", [(a_cell("A", scene=scene), [fleet])])
+    reading = store(tmp_path / "met", [(a_cell("A", scene=scene), [fleet])])
     # hulls of 0.1 m pass the first disc at 0.5 - 0.3 - 0.1 = 0.1 m, the second at 0.7 - 0.2 - 0.1 = 0.4 m
     for within_m, share in ((0.0999, 0.0), (0.1001, 0.5), (0.3999, 0.5), (0.4001, 1.0)):
-        found = value_of(stored, "share_of_discs_met", within_m=within_m, select=A)
+        found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=within_m, select=A)
         assert (found.value, found.n) == (share, 2)
     hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, "hit disc 0", along)]
-    stored = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
-    found = value_of(stored, "share_of_discs_met", within_m=9.0, select=A)
+    reading = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
+    found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=9.0, select=A)
     assert (found.value, found.n) == (0.75, 4)
 
 
 def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
-    stored = store(tmp_path, [(a_cell("A"), [a_fleet(9.0, 9.0)])])
-    assert measure(stored, "share_of_discs_met", {"within_m": 1.0, "select": A}) is None
+    reading = store(tmp_path, [(a_cell("A"), [a_fleet(9.0, 9.0)])])
+    assert measure(reading, f"{ZHAO2017}.share_of_discs_met", {"within_m": 1.0, "select": A}) is None
 
 
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
@@ -217,8 +224,8 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
     for one in drawn:  # each robot stands in the middle of every disc in turn
         places = [(disc.x_m, disc.y_m) for disc in one.discs]
         episodes.append([a_drive([0.1] * (len(places) - 1), index=0, places=places)])
-    stored = store(tmp_path / "in", [(cell, episodes)])
-    found = value_of(stored, "share_of_discs_met", within_m=-0.4, select=A)
+    reading = store(tmp_path / "in", [(cell, episodes)])
+    found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=-0.4, select=A)
     assert (found.value, found.n) == (1.0, sum(len(one.discs) for one in drawn))
 
 
@@ -227,25 +234,25 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
 
 def test_the_stored_world_is_drawn_as_it_was_in_the_run(tmp_path: Path) -> None:
     cell = a_cell("A", "crossing", scene=CROSSING)
-    stored = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)])])
-    first, second = stored.world(cell.key.run_id), stored.world(cell.key.run_id, 1)
+    reading = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)])])
+    first, second = reading.world(cell.key.run_id), reading.world(cell.key.run_id, 1)
     assert first.layout is second.layout is None
     assert first.movers
     assert first != second
-    assert first == stored.world(cell.key.run_id, 0)
+    assert first == reading.world(cell.key.run_id, 0)
     assert first.starts == second.starts
 
 
 def test_each_tuning_makes_a_pair_only_when_asked(tmp_path: Path) -> None:
     tuned = [(a_cell("A", tuning="pso", seed=seed), [a_fleet(9.0, 8.0)]) for seed in (0, 1, 2)]
-    stored = store(tmp_path, [*tuned, (a_cell("B"), [a_fleet(7.0, 6.0)])])
+    reading = store(tmp_path, [*tuned, (a_cell("B"), [a_fleet(7.0, 6.0)])])
     with pytest.raises(DescriptionError, match="A met the same start several times"):
-        stored.pairs(A, B)
-    pairs = stored.pairs(A, B, each=True)
+        reading.pairs(A, B)
+    pairs = reading.pairs(A, B, each=True)
     assert sorted(zip(pairs["tuning_seed"], pairs["robot_index"], pairs["time_s_other"], strict=True)) == [
         (seed, robot, 7.0 - robot) for seed in (0, 1, 2) for robot in (0, 1)
     ]
-    assert len(stored.pairs(B, A, each=True)) == 6
+    assert len(reading.pairs(B, A, each=True)) == 6
 
 
 # --- frames and wheel speeds ---
@@ -263,11 +270,11 @@ def a_crossing(path: Path) -> StoredResults:
 def test_frames_show_every_robot_where_it_was_and_the_movers_of_that_episode(
     tmp_path: Path, kept: list[Figure]
 ) -> None:
-    stored = a_crossing(tmp_path / "in")
+    reading = a_crossing(tmp_path / "in")
     select = {"label": "A", "episode": 1}
-    text = frames(stored, tmp_path, file="f", caption="Frames.", select=select, times_s=[0.0, 4.5, 99.0], columns=2)
+    text = told(frames, reading, tmp_path, file="f", select=select, times_s=[0.0, 4.5, 99.0], columns=2)
     assert "figures/f.png" in text
-    world = stored.world(stored.episodes["run_id"][0], 1)
+    world = reading.world(reading.episodes["run_id"][0], 1)
     shown = [ax for ax in kept[0].axes if ax.axison]
     assert [ax.xaxis.get_tick_params()["labelbottom"] for ax in shown] == [False, True, True]  # below b) is nothing
     assert [ax.get_title() for ax in shown] == ["a) 0.0 s", "b) 4.5 s", "c) 99.0 s"]
@@ -286,14 +293,14 @@ def test_frames_show_every_robot_where_it_was_and_the_movers_of_that_episode(
 
 
 def test_without_times_ten_frames_go_from_the_beginning_to_the_end(tmp_path: Path, kept: list[Figure]) -> None:
-    frames(a_crossing(tmp_path / "in"), tmp_path, file="f", caption="c", select={"label": "A", "episode": 0})
+    told(frames, a_crossing(tmp_path / "in"), tmp_path, file="f", select={"label": "A", "episode": 0})
     titles = [ax.get_title() for ax in kept[0].axes]
     assert (titles[0], titles[1], titles[-1], len(titles)) == ("a) 0.0 s", "b) 2.0 s", "j) 18.0 s", 10)
 
 
 def test_fewer_frames_than_columns_leave_no_empty_place(tmp_path: Path, kept: list[Figure]) -> None:
     select = {"label": "A", "episode": 0}
-    frames(a_crossing(tmp_path / "in"), tmp_path, file="f", caption="c", select=select, times_s=[1.0, 2.0])
+    told(frames, a_crossing(tmp_path / "in"), tmp_path, file="f", select=select, times_s=[1.0, 2.0])
     assert len(kept[0].axes) == 2
 
 
@@ -303,9 +310,9 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
     turning = a_drive([0.3, 0.2, 0.1, 0.3], index=0, on=[0, 1, 1, 0])
     turning.states[:, 5] = 0.4
     ahead = a_drive([0.3, 0.3], index=1, on=[1, 1])
-    stored = store(tmp_path / "in", [(a_cell("A"), [[turning, ahead], [turning]])])
+    reading = store(tmp_path / "in", [(a_cell("A"), [[turning, ahead], [turning]])])
     panels = {"two": {"label": "A", "episode": 0}, "one": {"label": "A", "episode": 1}}
-    wheel_velocities(stored, tmp_path, file="w", caption="Wheels.", panels=panels, active="on", marked="on")
+    told(wheel_velocities, reading, tmp_path, file="w", panels=panels, active="on", marked="on")
     axes = np.array(kept[0].axes).reshape(2, 2)
     assert [[ax.axison for ax in row] for row in axes] == [[True, True], [True, False]]
     left, right = axes[0, 0].lines
@@ -334,9 +341,14 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
         (a_cell("A"), [a_fleet(10.0, 12.0, contacts=contacts), a_fleet(20.0, 30.0), a_fleet(5.0, None)]),
         (a_cell("B"), [a_fleet(None, None)]),
     ]
-    stored = store(tmp_path / "in", cells)
-    text = fleet_table(
-        stored, tmp_path, file="t", select={"name": "printed"}, worlds={"Fig 1": "plain"}, labels=["A", "B"]
+    reading = store(tmp_path / "in", cells)
+    text = told(
+        fleet_table,
+        reading,
+        tmp_path,
+        select={"name": "printed"},
+        worlds={"Fig 1": "plain"},
+        labels=["A", "B"],
     )
     one, other = pd.read_csv(tmp_path / "tables/t.csv").to_dict("records")
     assert (one["label"], other["label"]) == ("A", "B")
@@ -363,7 +375,7 @@ def evolved(path: Path) -> StoredResults:
 
 def test_evolution_is_told_from_the_first_chromosome_beside_the_best_random_one(tmp_path: Path) -> None:
     tunings = {"ga": "mean time", "pso": "length"}
-    text = evolution(evolved(tmp_path / "in"), tmp_path, file="e", caption="c", tunings=tunings, first=3)
+    text = told(evolution, evolved(tmp_path / "in"), tmp_path, file="e", tunings=tunings, first=3)
     rows = pd.read_csv(tmp_path / "tables/e.csv")
     assert rows[["tuning", "seed", "evaluations"]].to_numpy().tolist() == [
         ["mean time", 0, 5],
@@ -381,7 +393,7 @@ def test_evolution_is_told_from_the_first_chromosome_beside_the_best_random_one(
 
 def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Path, kept: list[Figure]) -> None:
     tunings = {"pso": "length", "ga": "mean time"}  # the first panel lacks a seed of the second
-    evolution(evolved(tmp_path / "in"), tmp_path, file="e", caption="c", tunings=tunings, first=3, columns=1)
+    told(evolution, evolved(tmp_path / "in"), tmp_path, file="e", tunings=tunings, first=3, columns=1)
     one, other = kept[0].axes
     assert [np.asarray(line.get_ydata()).tolist() for line in other.lines[:2]] == [[8, 6, 6, 4, 4], [10, 10, 10, 9]]
     assert np.asarray(other.lines[0].get_xdata()).tolist() == [1, 2, 3, 4, 5]
@@ -391,7 +403,7 @@ def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Pa
 
 
 def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> StoredResults:
-    """Return A's and B's times, None where they failed; A's path is 2 m, B's 4 m."""
+    """Return A's and B's times, None where they failed; A's way is 2 m, B's 4 m."""
     sides = [
         [a_record("collided" if t is None else "reached", t or 1.0, length_m) for t in times]
         for times, length_m in zip(zip(*pairs, strict=True), (2.0, 4.0), strict=True)
@@ -404,11 +416,13 @@ ROWS = {"all": {"select": A, "than": B}}
 
 def test_gains_are_the_median_pairs_with_the_range_where_they_are_few(tmp_path: Path) -> None:
     pairs = [(9.0, 10.0), (5.0, 10.0), (12.0, 10.0), (None, 10.0), (3.0, None)]
-    text = gains(paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS, printed={"all": [40.0, None]})
+    text = told(gains, paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS, printed={"all": [40.0, None]})
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
-    assert (row["pairs"], row["reached"], row["other"]) == pytest.approx((5, 0.8, 0.8))
-    assert row[["length_decrease", "length_low", "length_high"]].tolist() == [50.0, 50.0, 50.0]
-    assert row[["time_decrease", "time_low", "time_high"]].tolist() == pytest.approx([10.0, -20.0, 50.0])
+    assert (row["reached_n"], row["reached"], row["other"]) == pytest.approx((5, 0.8, 0.8))
+    assert row[["length_decrease", "length_decrease_low", "length_decrease_high"]].tolist() == [50.0, 50.0, 50.0]
+    assert row[["time_decrease", "time_decrease_low", "time_decrease_high"]].tolist() == pytest.approx(
+        [10.0, -20.0, 50.0]
+    )
     assert (row["length_printed"], math.isnan(row["time_printed"])) == (40.0, True)
     assert "| all | 4 of 5 | 4 of 5 | – | 40 | 50.00 | – | 10.00 [-20.00, 50.00] |" in text
 
@@ -416,28 +430,29 @@ def test_gains_are_the_median_pairs_with_the_range_where_they_are_few(tmp_path: 
 @pytest.mark.parametrize(("count", "is_range"), [(9, True), (10, False)])
 def test_gains_have_an_interval_from_ten_pairs_on(count: int, is_range: bool, tmp_path: Path) -> None:
     pairs: list[tuple[float | None, float | None]] = [(10.0 - 0.5 * k, 10.0) for k in range(count)]
-    gains(paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
+    told(gains, paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
-    assert ((row["time_low"], row["time_high"]) == pytest.approx((0.0, 5.0 * (count - 1)))) == is_range
+    found = row["time_decrease_low"], row["time_decrease_high"]
+    assert (found == pytest.approx((0.0, 5.0 * (count - 1)))) == is_range
 
 
 def test_gains_of_many_pairs_have_bootstrapped_and_paired_intervals(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     pairs: list[tuple[float | None, float | None]] = [(float(t), 10.0) for t in rng.uniform(6.0, 10.0, 40)]
     pairs[:4] = [(8.0, None)] * 4
-    text = gains(paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
+    text = told(gains, paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
     decreases = [100.0 * (1.0 - t / 10.0) for t, _ in pairs[4:] if t is not None]
     assert row["time_decrease"] == pytest.approx(np.median(decreases))
-    assert min(decreases) < row["time_low"] < row["time_decrease"] < row["time_high"] < max(decreases)
-    assert "| all | 40 of 40 | 36 of 40 | +0.100 [" in text
+    assert min(decreases) < row["time_decrease_low"] < row["time_decrease"] < row["time_decrease_high"] < max(decreases)
+    assert "| all | 40 of 40 | 36 of 40 | 0.100 [" in text
 
 
 @pytest.mark.parametrize(
     ("pairs", "other"), [([(None, 9.0), (9.0, None)], "plain"), ([(9.0, 9.0)], "elsewhere")], ids=["failed", "apart"]
 )
 def test_gains_of_no_pair_are_missing(pairs: Any, other: str, tmp_path: Path) -> None:
-    text = gains(paired(tmp_path / "in", pairs, other), tmp_path, file="g", rows=ROWS)
+    text = told(gains, paired(tmp_path / "in", pairs, other), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
     assert row[["length_decrease", "time_decrease"]].isna().all()
-    assert text.splitlines()[2].endswith("| – | – | – | – | – |")
+    assert "| – | – | – | – | – |\n" in text

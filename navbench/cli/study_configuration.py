@@ -93,7 +93,8 @@ class StudyFile:
         tunings: what it searches.
         cells: what it runs.
         claims: what a paper prints, to hold the results against, or what the study asks: ``Claim``s by their ids.
-        report: the report's sections, in order: each a function of ``navbench.report.sections`` with its arguments.
+        report: the report's sections, in order: each one's name (of ``navbench.report.sections``, or dotted), or a
+            mapping with its ``name`` and its arguments.
     """
 
     title: str
@@ -101,7 +102,7 @@ class StudyFile:
     tunings: tuple[TuningSpec, ...] = ()
     cells: tuple[CellSpec, ...]
     claims: Mapping[str, Mapping[str, Any]] | None = None
-    report: tuple[Mapping[str, Any], ...] = ()
+    report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
 def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:
@@ -131,7 +132,7 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
         file = describe(StudyFile, values, f"study/{name}")
         check_claims(f"study/{name}.claims", file.claims)
         for i, section in enumerate(file.report):
-            check_section(f"study/{name}.report[{i}]", section)
+            check_section(f"study/{name}.report[{i}]", section, trust=True)
         tunings = tuple(
             tuning
             for i, spec in enumerate(file.tunings)

@@ -84,7 +84,7 @@ def study(arguments: Sequence[str]) -> int:
             file=sys.stderr,
         )
         return 130
-    written = write_report([results], Path("results") / name, partial(in_processes, **options))
+    written = write_report([results], Path("results") / name, partial(in_processes, **options), trust=True)
     print(_first_lines(written))
     return 0
 
@@ -111,12 +111,12 @@ def report(arguments: Sequence[str]) -> int:
     from navbench.report.joined import write_joined
     from navbench.report.reports import write_report
 
-    words = sort_words(arguments)
+    words = sort_words([word for word in arguments if word != "--trust"])
     given: dict[str, Path] = {}
     for word in words.overrides:
         key, _, value = word.partition("=")
         if key not in REPORT_KEYS or not value:
-            raise DescriptionError(f"{word}: unknown key; allowed with report: out=DIR, join=DIR")
+            raise DescriptionError(f"{word}: unknown key; allowed with report: out=DIR, join=DIR, --trust")
         given[key] = Path(value)
     if "join" in given:
         if words.names or "out" in given:
@@ -131,7 +131,7 @@ def report(arguments: Sequence[str]) -> int:
         study_of_it = (runs[0].manifest()["study"] or {}).get("name", "")
         kept = len(runs) == 1 and study_of_it and not study_of_it.startswith("tune ")  # a tuning's name is no folder
         out = Path("results") / study_of_it if kept else Path(words.names[0]) / "report"
-    print(_first_lines(write_report([Results(run.path) for run in runs], out)))
+    print(_first_lines(write_report([Results(run.path) for run in runs], out, trust="--trust" in arguments)))
     return 0
 
 

@@ -113,14 +113,35 @@ def new_figure(rows: int, columns: int, width: float, height: float, **shared: A
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
-def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
-    """Save a figure below ``figures/`` as PNG and SVG, the same bytes for the same figure, and return it in Markdown.
+def label_legend(
+    figure: "Figure", style: Mapping[str, Style], labels: Sequence[str], widths: Sequence[float], columns: int = 99
+) -> None:
+    """Explain below a figure which line is whose.
+
+    Args:
+        figure: the figure.
+        style: how each label is drawn.
+        labels: the labels.
+        widths: of their lines [points].
+        columns: how many stand side by side at most.
+    """
+    from matplotlib.lines import Line2D
+
+    lines = [
+        Line2D([], [], color=style[label].color, linewidth=width, label=label)
+        for label, width in zip(labels, widths, strict=True)
+    ]
+    count = min(len(labels), columns)
+    figure.legend(handles=lines, loc="outside lower center", ncols=count, frameon=False, handlelength=4.0)
+
+
+def save_figure(figure: "Figure", out: Path, stem: str) -> None:
+    """Save a figure below ``figures/`` as PNG and SVG, the same bytes for the same figure.
 
     Args:
         figure: the figure.
         out: the report's directory.
         stem: the files' name without its ending.
-        caption: what it shows.
     """
     import matplotlib
 
@@ -128,7 +149,6 @@ def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
     with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
-    return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
 
 
 def save_trajectories(runs: Sequence[Results], file: Path) -> None:
@@ -138,23 +158,24 @@ def save_trajectories(runs: Sequence[Results], file: Path) -> None:
         runs: the directories.
         file: where to save; its ending chooses the format.
     """
-    from matplotlib.figure import Figure
-
     panels = []
     for results in runs:
         episodes, trajectories = results.episodes(), results.trajectories()
         for cell in results.manifest()["cells"]:
             run = cell["run_id"]
             panels.append((cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run]))
+    _save_whole(draw_cells(panels), file, {"Software": None} if file.suffix == ".png" else None)
+
+
+def draw_cells(panels: "Sequence[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]") -> "Figure":
+    """Return a figure with a panel per cell: its entry in the manifest, its episodes and its trajectories."""
     columns = min(3, len(panels))
-    rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
-    for ax, panel in zip(axes, panels, strict=False):
+    figure, axes = new_figure(-(-len(panels) // columns), columns, 5.2, 5.4)
+    for ax, panel in zip(axes.ravel(), panels, strict=False):
         draw_cell(ax, *panel)
-    for ax in axes[len(panels) :]:
+    for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
-    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+    return figure
 
 
 def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
