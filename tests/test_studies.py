@@ -169,7 +169,7 @@ WRONG = {
     ),
     "budget=5: must be at least 10": ("budget=12", "budget=5"),
     "report[0].name": ("{name: verdicts, title", "{name: horoscope, title"),
-    "practically_equal=0: must be above 0": ("practically_equal: 2 %", "practically_equal: 0"),
+    "must be above 0": ("practically_equal: 2 %", "practically_equal: 0"),
     "controller.tunable.kp.high": ("tuner=random,", "tuner=random, controller.tunable.kp.high=-1.0,"),
     "controller.tunable.kq|controller.build.kq": (
         "tuner=random,",
