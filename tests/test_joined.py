@@ -23,7 +23,7 @@ NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GROUPS = {"one paper": ["plain"], "another": ["other"]}
 
 
-def a_report(folder: Path, name: str, claims: list[dict[str, Any]], errata: list[dict[str, str]]) -> Path:
+def a_report(folder: Path, name: str, claims: dict[str, dict[str, Any]], errata: list[dict[str, str]]) -> Path:
     """Write a small study's report into a folder of its name."""
     cells = [(a_cell("F"), [a_record(time_s=10.0)])]
     report: list[dict[str, Any]] = [{"name": "verdicts", "title": "Claims"}] if claims else []
@@ -38,14 +38,14 @@ def a_report(folder: Path, name: str, claims: list[dict[str, Any]], errata: list
 def joined(tmp_path: Path) -> Path:
     """A folder with three reports: two of papers, one without claims and errata."""
     wrong = {"where": "eq. 1", "printed": "a | b", "here": "c"}
-    claims = [
-        CLAIM,
-        {**CLAIM, "id": "off", "printed": 20.0, "evidence": "fitted"},
-        {**CLAIM, "id": "off-absolute", "printed": 8.5, "tolerance": {"absolute": 0.25}, "evidence": "layout_unknown"},
-    ]
-    a_report(tmp_path, "all", [], [])
+    claims = {
+        "time-f": CLAIM,
+        "off": {**CLAIM, "printed": "20 s", "evidence": "fitted"},
+        "off-absolute": {**CLAIM, "printed": "8.5 s", "within": 0.25, "evidence": "layout_unknown"},
+    }
+    a_report(tmp_path, "all", {}, [])
     a_report(tmp_path, "one1999", claims, [wrong])
-    a_report(tmp_path, "two2001", [{**CLAIM, "id": "near", "printed": 10.8}], [{**wrong, "where": "Table 7"}])
+    a_report(tmp_path, "two2001", {"near": {**CLAIM, "printed": "10.8 s"}}, [{**wrong, "where": "Table 7"}])
     return tmp_path / "results"
 
 
@@ -68,7 +68,7 @@ def test_the_page_has_a_paragraph_and_a_link_for_each_study_those_of_papers_firs
 
 
 def test_the_first_findings_stand_below_a_study_s_paragraph(tmp_path: Path) -> None:
-    path = a_report(tmp_path, "one1999", [CLAIM], [])
+    path = a_report(tmp_path, "one1999", {"time-f": CLAIM}, [])
     file = path / "findings.json"
     kept = json.loads(file.read_text())
     file.write_text(json.dumps({**kept, "findings": [{"text": word, "figures": {}} for word in "abcd"]}))

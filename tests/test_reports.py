@@ -38,14 +38,13 @@ NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 WORLDS = {"Fig 1": "plain", "Fig 2": "other"}
 FASTER = {"name": "share_better", "metric": "time_s", "select": {"label": "F"}, "than": {"label": "PID"}}
 SHOWN = {"a": "count", "b": "percent"}
-CLAIM = {
-    "id": "time-f",
-    "statement": "F's time, 100 % & more_or_less",
+CLAIM: dict[str, Any] = {
+    "says": "F's time, 100 % & more_or_less",
     "where": "Table 1",
-    "printed": 10.0,
-    "unit": "s",
-    "measure": {"name": "median", "metric": "time_s", "select": {"name": "printed", "label": "F", "world": "plain"}},
-    "tolerance": {"relative": 0.05},
+    "printed": "10 s",
+    "within": "5 %",
+    "measure": "median",
+    "of": {"metric": "time_s", "cell": "printed", "label": "F", "world": "plain"},
     "evidence": "free",
 }
 REPORT: list[dict[str, Any]] = [
@@ -216,7 +215,7 @@ STUDY: dict[str, Any] = {
     "name": "smoke",
     "title": "A smoke study",
     "summary": "It is small.",
-    "claims": [CLAIM, {**CLAIM, "id": "other", "printed": 99.0, "evidence": "fitted"}],
+    "claims": {"time-f": CLAIM, "other": {**CLAIM, "printed": "99 s", "evidence": "fitted"}},
     "report": [{"title": f"The {spec['name']}", **spec} for spec in REPORT],
 }
 
@@ -374,10 +373,10 @@ def test_a_printed_table_never_averages_a_failure(tmp_path: Path) -> None:
         (a_cell("F", seed=2), [a_record(time_s=12.0)]),
         (a_cell("PID"), [a_record("timed_out", LIMIT_S)]),
     ]
-    claims = [
-        {**CLAIM, "id": f"time-{label}", "printed": printed, "measure": {"select": {"label": label, "world": "plain"}}}
-        for label, printed in (("F", 22.0), ("PID", 5.0))
-    ]
+    claims = {
+        f"time-{label}": {**CLAIM, "printed": printed, "of": {**CLAIM["of"], "label": label}}
+        for label, printed in (("F", "22 s"), ("PID", "5 s"))
+    }
     reading = store(tmp_path / "in", cells, {**STUDY, "claims": claims})
     text = told(
         printed_table,
@@ -560,7 +559,7 @@ def test_a_section_of_ones_own_is_run_where_it_is_trusted_and_named_where_not(
     monkeypatch.syspath_prepend(tmp_path)
     report = [{"name": "mine.sections.fastest", "select": {"label": "F"}}, "comparison"]
     cells = [(a_cell("F"), [a_record(time_s=9.5)]), (a_cell("G"), [a_record(time_s=8.0)])]
-    results = store(tmp_path / "in", cells, {**STUDY, "claims": [], "report": report}).results
+    results = store(tmp_path / "in", cells, {**STUDY, "claims": {}, "report": report}).results
     refused = r"report\[0\]\.name=mine\.sections\.fastest: lies outside navbench; --trust"
     with pytest.raises(DescriptionError, match=refused):
         write_report([results], tmp_path / "out")
@@ -578,7 +577,7 @@ def test_a_section_of_ones_own_is_run_where_it_is_trusted_and_named_where_not(
 
 def test_several_reports_stand_in_folders_and_are_linked(tmp_path: Path) -> None:
     cell = (a_cell("F", name="run"), [a_record()])
-    study = store(tmp_path / "study", [cell], {**STUDY, "claims": [], "report": STUDY["report"][-1:]}).results
+    study = store(tmp_path / "study", [cell], {**STUDY, "claims": {}, "report": STUDY["report"][-1:]}).results
     run = store(tmp_path / "run", [cell]).results
     files = write_report([study, run], tmp_path / "out")
     assert tmp_path / "out/smoke/report.md" in files

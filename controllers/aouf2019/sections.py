@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from navbench.analysis.paths import cut, number_places
-from navbench.analysis.phases import phases as phases_of
+from navbench.controllers.aouf2019.phases import phases as phases_of
 from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import PALETTE, draw_world, label_legend, nested_width, new_figure
@@ -89,7 +89,7 @@ def surface(page: Page, *, table: str) -> Blocks:
     Args:
         table: the name of the described table: phi_rad, v_mps, w_radps.
     """
-    described = page.described(table)
+    described = page.stored.described(table)
     figure, axes = new_figure(1, 2, 4.4, 3.0)
     for ax, name, title in zip(axes.ravel(), ("v_mps", "w_radps"), ("v [m/s]", "w [rad/s]"), strict=True):
         ax.plot(np.degrees(described["phi_rad"]), described[name], color=PALETTE[0])

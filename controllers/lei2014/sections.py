@@ -16,7 +16,7 @@ def surface_2d(page: Page, *, table: str, x: str, y: str, value: str) -> Blocks:
         y: its column that is drawn upwards.
         value: its column that is drawn as a colour.
     """
-    described = page.described(table).pivot(index=y, columns=x, values=value)
+    described = page.stored.described(table).pivot(index=y, columns=x, values=value)
     across, up, values = described.columns.to_numpy(), described.index.to_numpy(), described.to_numpy()
     figure, axes = new_figure(1, 1, 6.0, 4.2)
     ax = axes[0, 0]

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from navbench.analysis.paths import cut, number_places
-from navbench.analysis.trace_measures import spells
+from navbench.analysis.traces import spells
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.figures import PALETTE, draw_circle, draw_world, new_figure
 from navbench.report.page import Page, Select
@@ -62,7 +62,7 @@ def counts(page: Page, *, table: str, by: Sequence[str]) -> Blocks:
         table: the name of the described table.
         by: the columns.
     """
-    described = page.described(table)
+    described = page.stored.described(table)
     counted = described.groupby(list(by), sort=True).size().reset_index(name="count")
     columns = [Column(name.replace("_", " ")) for name in counted.columns]
     data = Data(list(described.columns), described.to_numpy(dtype=object).tolist())

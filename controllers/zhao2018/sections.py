@@ -96,7 +96,7 @@ def rules_compared(page: Page, *, tables: Mapping[str, str]) -> Blocks:
         tables: what each rule base is called, and the name of its described table; all have the same inputs, in the
             same order, and the outputs last.
     """
-    found = {title: page.described(table) for title, table in tables.items()}
+    found = {title: page.stored.described(table) for title, table in tables.items()}
     first = next(iter(found.values()))
     inputs = [name for name in first.columns if all((table[name] == first[name]).all() for table in found.values())]
     outputs = [name for name in first.columns if name not in inputs]

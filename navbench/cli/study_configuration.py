@@ -14,8 +14,7 @@ from omegaconf import OmegaConf
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.analysis.claims import Claim
-from navbench.analysis.measures import check_measure
+from navbench.analysis.claims import check_claims
 from navbench.cli.composing import Composed, Composer, composing, key_of, plain
 from navbench.cli.configuration import cell_of
 from navbench.cli.tunable import dimensions_of
@@ -93,7 +92,7 @@ class StudyFile:
         summary: what the report says first, in Markdown.
         tunings: what it searches.
         cells: what it runs.
-        claims: what a paper prints, to hold the results against.
+        claims: what a paper prints, to hold the results against, or what the study asks: ``Claim``s by their ids.
         report: the report's sections, in order: each one's name (of ``navbench.report.sections``, or dotted), or a
             mapping with its ``name`` and its arguments.
     """
@@ -102,7 +101,7 @@ class StudyFile:
     summary: str = ""
     tunings: tuple[TuningSpec, ...] = ()
     cells: tuple[CellSpec, ...]
-    claims: tuple[Claim, ...] = ()
+    claims: Mapping[str, Mapping[str, Any]] | None = None
     report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
@@ -131,8 +130,7 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
         config, _ = composer.config(f"study/{name}", [])
         values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
         file = describe(StudyFile, values, f"study/{name}")
-        for i, claim in enumerate(file.claims):
-            check_measure(f"study/{name}.claims[{i}].measure", claim.measure)
+        check_claims(f"study/{name}.claims", file.claims)
         for i, section in enumerate(file.report):
             check_section(f"study/{name}.report[{i}]", section, trust=True)
         tunings = tuple(

@@ -3,20 +3,18 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.claims import Claim, judge
-from navbench.analysis.measures import check_measure, measure
+from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verdicts_in
+from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
 from navbench.report.page import Page, Select
-from navbench.validation import DescriptionError, describe
+from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
-VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
-EVIDENCE = ("free", "selected", "fitted", "layout_unknown")
 SHOWN = ("show", "decimals", "signed")
 CLAIMS = ("id", "statement", "where", "printed", "measured", "n", "tolerance", "evidence", "verdict")
 
@@ -37,9 +35,7 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
         if spec.get("show", "interval") not in FORMS:
             raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
         asked = {word: value for word, value in spec.items() if word not in SHOWN}
-        check_measure(f"{key}.with.{name}", asked)
-        arguments = {word: value for word, value in asked.items() if word != "name"}
-        found = measure(page.stored, asked["name"], arguments)
+        found = measure(page.stored, asked.pop("name"), asked, trust=page.trust)
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
     finding = Finding(sentence["say"], figures)
@@ -56,7 +52,8 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
     Args:
         groups: counted apart: the claims whose ids begin with one of these.
     """
-    table = judged(page.stored)
+    table = judged(page.stored, trust=page.trust)
+    kinds = verdicts_in(table)
     chosen = {
         title: table[table["id"].str.startswith(tuple(beginnings))]
         for title, beginnings in {**(groups or {}), "all claims": [""]}.items()
@@ -65,8 +62,8 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
         of_it = table[table["evidence"] == evidence]
         if len(of_it):
             chosen[f"of these, evidence {_plain(evidence)}"] = of_it
-    counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in VERDICTS)] for title, rows in chosen.items()]
-    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in VERDICTS)]
+    counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in kinds)] for title, rows in chosen.items()]
+    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in kinds)]
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
     rows = [_told(claim) for claim in table.to_dict("records")]
     claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
@@ -86,19 +83,9 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
     ]
 
 
-def judged(stored: StoredResults) -> "pd.DataFrame":
-    """Return the table of the study's claims with their verdicts, with the columns of ``claims.csv``."""
-    listed = [describe(Claim, claim, f"claims[{i}]") for i, claim in enumerate(stored.manifest["study"]["claims"])]
-    found = []
-    for claim in listed:
-        name, arguments = claim.measure["name"], {k: v for k, v in claim.measure.items() if k != "name"}
-        found.append(measure(stored, name, arguments))
-    return judge(listed, found)
-
-
 def printed_figure(claim: Mapping[Any, Any]) -> str:
-    """Return what a paper prints of a claim, a row of ``claims.csv``."""
-    return f"{claim['printed']:g} {claim['unit']}".strip()
+    """Return the number that a paper prints of a claim, a row of ``claims.csv``, where it prints one."""
+    return MISSING if claim["printed"] != claim["printed"] else f"{claim['printed']:g} {claim['unit']}".strip()
 
 
 def measured_figure(claim: Mapping[Any, Any]) -> str:
@@ -142,12 +129,12 @@ def printed_table(
 
 def _printed(stored: StoredResults, beginning: str) -> dict[tuple[str | None, str], float]:
     """Return the printed figures of some claims by the label, None for every one, and world of each."""
-    found: dict[tuple[str | None, str], float] = {}
-    for claim in stored.manifest["study"]["claims"]:
-        if claim["id"].startswith(beginning):
-            cells = claim["measure"].get("select", {})
-            found[cells.get("label"), cells["world"]] = claim["printed"]
-    return found
+    found = claims_of("claims", stored.manifest["study"]["claims"])
+    return {
+        (claim.of.get("label"), claim.of["world"]): quantity("printed", claim.printed)[0]
+        for name, claim in found.items()
+        if name.startswith(beginning) and claim.of and claim.printed is not None
+    }
 
 
 def errata(page: Page, *, items: Sequence[Mapping[str, str]]) -> Blocks:

@@ -24,7 +24,7 @@ def rules(page: Page, *, table: str) -> Blocks:
     Args:
         table: the name of the described table.
     """
-    described = page.described(table)
+    described = page.stored.described(table)
     columns = [Column(name.replace("_", " "), name) for name in described.columns]
     return [page.table(columns, described.astype(str).to_numpy().tolist())]
 
@@ -38,7 +38,7 @@ def memberships(page: Page, *, table: str, axes: Mapping[str, Mapping[str, Any]]
             these are one direction, so that a set that leaves at one comes in at the other; ``saturates`` where values
             beyond the sets belong to the outermost.
     """
-    described = page.described(table)
+    described = page.stored.described(table)
     figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
     for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
         sets = described[described["variable"] == variable]

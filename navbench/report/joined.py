@@ -1,13 +1,14 @@
 """One page over the reports of several studies, from what their folders hold: claims, manifest and report."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from navbench.analysis.claims import COLUMNS
+from navbench.analysis.claims import COLUMNS, EVIDENCE, HYPOTHESIS_VERDICTS, VERDICTS
 from navbench.experiments.store import write_table
-from navbench.report.claims import EVIDENCE, VERDICTS, measured_figure, printed_figure
+from navbench.report.claims import measured_figure, printed_figure
 from navbench.report.document import Block, Column, Document, Heading, Lines, Paragraph, Table
 from navbench.report.markdown import render
 from navbench.validation import DescriptionError
@@ -113,14 +114,15 @@ def read_claims(file: Path) -> "pd.DataFrame":
         table = pd.read_csv(file, dtype={"id": str, "statement": str, "reason": str, "unit": str})
     except (ValueError, OSError) as error:
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
+    table = table.fillna({"reason": "", "unit": "", "where": "", "evidence": ""})
     if list(table.columns) != list(COLUMNS):
         raise DescriptionError(f"{file}: its columns must be {', '.join(COLUMNS)}")
-    for column, allowed in (("verdict", VERDICTS), ("evidence", EVIDENCE)):
+    for column, allowed in (("verdict", (*VERDICTS, *HYPOTHESIS_VERDICTS)), ("evidence", (*EVIDENCE, ""))):
         wrong = table[~table[column].isin(allowed)]
         if len(wrong):
             value = wrong[column].iloc[0]
             raise DescriptionError(f"{file}: {column}={value} of {wrong['id'].iloc[0]}; allowed: {', '.join(allowed)}")
-    return table.fillna({"reason": "", "unit": ""})
+    return table
 
 
 def _told(study: Found) -> list[Block]:
@@ -165,6 +167,8 @@ def _refuted(studies: Sequence[Found]) -> list[Block]:
 
 def _off(claim: Mapping[Any, Any]) -> str:
     """Return how far the measured figure lies from the printed one, in the form of the claim's tolerance."""
+    if math.isnan(claim["printed"]):
+        return f"holds in {100.0 * claim['measured']:.0f} %"
     away = claim["measured"] - claim["printed"]
     if str(claim["tolerance"]).endswith("%"):
         return f"off by {100.0 * away / abs(claim['printed']):+.0f} %"

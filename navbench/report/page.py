@@ -15,10 +15,9 @@ from navbench.analysis.stored import StoredResults
 from navbench.report.document import Blocks, Cell, Column, Data, Plot, Table
 from navbench.report.figures import Style, save_figure, styles
 from navbench.robot import Robot
-from navbench.validation import DescriptionError, describe
+from navbench.validation import describe
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 Section: TypeAlias = Callable[..., Blocks]
@@ -66,15 +65,3 @@ class Page:
     def robot(self, run_id: str) -> Robot:
         """Return a cell's robot."""
         return describe(Robot, self.stored.configuration(run_id)["configuration"]["robot"], "robot")
-
-    def described(self, name: str) -> "pd.DataFrame":
-        """Return a table that a controller offered of itself.
-
-        Raises:
-            DescriptionError: there is none of this name.
-        """
-        tables = self.stored.descriptions
-        if name not in tables:
-            allowed = ", ".join(tables) or "none"
-            raise DescriptionError(f"{self.stored.results.path}: no description {name!r}; there are: {allowed}")
-        return tables[name]

@@ -1,25 +1,25 @@
-"""Measures of how robots drove rather than how they ended: from their trajectories and what the controllers traced.
-
-Each is a measure as in ``navbench.analysis.measures``. A column is one of the trajectory's, such as ``v_mps``, or of
-the controller's trace. A band is [low, high], both in it.
-"""
+"""What only the claims about zhao2017 measure: how robots slow down before a danger and pass each other; its movers."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.estimates import median_of, share_of
-from navbench.analysis.stored import PAIR, StoredResults
+from navbench.analysis.measures import difference
+from navbench.analysis.stored import StoredResults
+from navbench.analysis.traces import periods_of
 from navbench.mathematics.statistics import Estimate
+from navbench.robot import Robot
+from navbench.validation import describe
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Select = Mapping[str, Any]
-Bands = Mapping[str, Sequence[float]]
+Bands = Mapping[str, Sequence[float]]  # for a column [low, high], both in it
 
 
 def share_of_periods(
@@ -38,7 +38,7 @@ def share_of_periods(
         holds: what must hold in them: a band for each of some columns.
     """
     shares = []
-    for trajectory in _periods(stored, select):
+    for trajectory in periods_of(stored, select):
         t_s = trajectory["t_s"]
         last_s = t_s.where(trajectory[state] != 0.0).ffill().fillna(0.0)
         chosen = trajectory[
@@ -51,7 +51,7 @@ def share_of_periods(
 
 def share_with_least(stored: StoredResults, column: str, at_most: float, select: Select) -> Estimate | None:
     """Return the share of robots for which a column falls to a value or below it."""
-    return share_of([trajectory[column].min() <= at_most for trajectory in _periods(stored, select)])
+    return share_of([trajectory[column].min() <= at_most for trajectory in periods_of(stored, select)])
 
 
 def share_slowing(stored: StoredResults, column: str, within_s: float, select: Select) -> Estimate | None:
@@ -67,7 +67,7 @@ def share_slowing(stored: StoredResults, column: str, within_s: float, select: S
         select: which cells and robots.
     """
     slower = []
-    for trajectory in _periods(stored, select):
+    for trajectory in periods_of(stored, select):
         t_s, v_mps, on = (
             trajectory["t_s"].to_numpy(),
             trajectory["v_mps"].to_numpy(),
@@ -90,7 +90,7 @@ def share_regaining(stored: StoredResults, column: str, speed_mps: float, select
         select: which cells and robots.
     """
     again = []
-    for trajectory in _periods(stored, select):
+    for trajectory in periods_of(stored, select):
         on = np.flatnonzero(trajectory[column].to_numpy() != 0.0)
         if len(on):
             again.append(bool((trajectory["v_mps"].to_numpy()[on[-1] + 1 :] >= speed_mps).any()))
@@ -148,91 +148,52 @@ def share_passing_first(
     return share_of(held)
 
 
-def time_at_least(
-    stored: StoredResults, columns: Sequence[str], level: float, when: Literal["begin", "end"], select: Select
-) -> Estimate | None:
-    """Return when a robot's trace first reaches a level, or last leaves it, the median over robots with its range [s].
-
-    It is at the level from the control period in which one of the columns is, to the beginning of the period after the
-    last such one. Robots that never reach it are left out.
-
-    Args:
-        stored: the study's results.
-        columns: columns of the trajectory; the largest counts.
-        level: the level.
-        when: "begin" or "end".
-        select: which cells.
-    """
-    times_s = []
-    for trajectory in _trajectories(stored, select):
-        rows = np.flatnonzero(trajectory[list(columns)].iloc[:-1].max(axis=1).to_numpy() >= level)
-        if len(rows):
-            times_s.append(trajectory["t_s"].to_numpy()[rows[0] if when == "begin" else rows[-1] + 1])
-    return median_of(times_s)
+def difference_in_fleets_is_above(stored: StoredResults, select: Select, than: Select) -> Estimate | None:
+    """Return 1 where more fleets reach than another controller's by more than chance: the whole interval is above 0."""
+    found = difference(stored, "success", select, than)
+    return None if found is None else Estimate(float(found.low > 0.0), 0.0, 1.0, found.n)
 
 
-def share_of_time(stored: StoredResults, column: str, states: Sequence[float], select: Select) -> Estimate | None:
-    """Return the share of its time that a robot spends in some states, the median over robots with its range.
+def mover_speed(stored: StoredResults, mover: int, leg: int, select: Select) -> Estimate | None:
+    """Return how fast a mover drives one of its legs, as a share of the robots' wheel-speed limit.
 
     Args:
         stored: the study's results.
-        column: the column of the trajectory that holds the state.
-        states: the states.
-        select: which cells.
+        mover: its number in the world, from 0.
+        leg: the leg's number, from 0.
+        select: which cells; each cell counts once.
     """
-    shares = [
-        sum(_times(trajectory, column).get(state, 0.0) for state in states)
-        for trajectory in _trajectories(stored, select)
-    ]
+    shares = []
+    for run_id in stored.select(**select)["run_id"].unique():
+        world = stored.world(run_id)
+        one = world.movers[mover]
+        begin, end = one.schedule()[leg, :2] - one.phase_s
+        early, late = (one.place(begin + part * (end - begin)) for part in (0.25, 0.75))
+        robot = describe(Robot, stored.configuration(run_id)["configuration"]["robot"], "robot")
+        shares.append(math.dist(early, late) / (0.5 * (end - begin)) / robot.wheel_speed_max_mps)
     return median_of(shares)
 
 
-def share_mainly(
-    stored: StoredResults, column: str, states: Sequence[float], begin_s: float, end_s: float, select: Select
-) -> Estimate | None:
-    """Return the share of robots that spend more time in each of some states than in any other one.
+def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -> Estimate | None:
+    """Return the share of a world's standing discs that some robot came near to, from hull to hull, and none hit.
 
     Args:
         stored: the study's results.
-        column: the column of the trajectory that holds the state.
-        states: the states.
-        begin_s: only control periods that begin at this time or later count [s].
-        end_s: and that begin before this one [s]; robots that have ended before ``begin_s`` are left out.
+        within_m: how near counts [m].
         select: which cells.
     """
-    held = []
-    for trajectory in _trajectories(stored, select):
-        times = _times(trajectory, column, begin_s, end_s)
-        if times:
-            most_else = max((time for state, time in times.items() if state not in states), default=0.0)
-            held.append(all(times.get(state, 0.0) > most_else for state in states))
-    return share_of(held)
-
-
-def share_longer_in(
-    stored: StoredResults, column: str, states: Sequence[float], select: Select, than: Select
-) -> Estimate | None:
-    """Return the share of pairs in which one robot spends a larger share of its time in some states than the other.
-
-    A pair is a world, seed, episode and robot that both meet.
-
-    Args:
-        stored: the study's results.
-        column: the column of the trajectory that holds the state.
-        states: the states.
-        select: the cells that are said to spend more.
-        than: the cells that they are compared with.
-    """
-    shares = [
-        {
-            tuple(row[name] for name in PAIR): sum(
-                _times(stored.trajectory(row), column).get(state, 0.0) for state in states
-            )
-            for row in stored.select(**side).to_dict("records")
-        }
-        for side in (select, than)
-    ]
-    return share_of(np.array([share > shares[1][pair] for pair, share in shares[0].items() if pair in shares[1]]))
+    met = []
+    for _, fleet in stored.select(**select).groupby(["run_id", "episode"], sort=False):
+        robots = fleet.to_dict("records")
+        run_id = robots[0]["run_id"]
+        world = stored.world(run_id, robots[0]["episode"])
+        robot = describe(Robot, stored.configuration(run_id)["configuration"]["robot"], "robot")
+        places = np.concatenate([stored.trajectory(row)[["x_m", "y_m"]].to_numpy() for row in robots])
+        reasons = set(fleet["reason"])
+        for i, disc in enumerate(world.discs):
+            away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m
+            met.append(away <= within_m and f"hit disc {i}" not in reasons)
+    return share_of(met)
 
 
 def _first(holds: NDArray[np.bool_], begin: int) -> int | None:
@@ -249,44 +210,8 @@ def _off_for(on: NDArray[np.bool_], t_s: NDArray[np.float64], lasting_s: float) 
     return ~on & (until_s - t_s[: len(on)] >= lasting_s)
 
 
-def _trajectories(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":
-    """Yield each robot's and episode's trajectory, its end included."""
-    for row in stored.select(**select).to_dict("records"):
-        yield stored.trajectory(row)
-
-
-def _periods(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":
-    """Yield the control periods of each robot and episode."""
-    for trajectory in _trajectories(stored, select):
-        yield trajectory.iloc[:-1]
-
-
-def _times(
-    trajectory: "pd.DataFrame", column: str, begin_s: float = 0.0, end_s: float = math.inf
-) -> dict[float, float]:
-    """Return the share of time that a robot spends in each state."""
-    begins_s, states = trajectory["t_s"].to_numpy()[:-1], trajectory[column].to_numpy()[:-1]
-    lasts_s = np.diff(trajectory["t_s"].to_numpy())
-    chosen = (begins_s >= begin_s) & (begins_s < end_s)
-    total_s = lasts_s[chosen].sum()
-    return {float(s): float(lasts_s[chosen & (states == s)].sum() / total_s) for s in np.unique(states[chosen])}
-
-
 def _within(trajectory: "pd.DataFrame", bands: Bands) -> NDArray[np.bool_]:
     held = np.ones(len(trajectory), dtype=bool)
     for column, (low, high) in bands.items():
         held &= trajectory[column].between(low, high).to_numpy()
     return held
-
-
-MEASURES = (
-    share_of_periods,
-    share_with_least,
-    share_slowing,
-    share_regaining,
-    share_passing_first,
-    time_at_least,
-    share_of_time,
-    share_mainly,
-    share_longer_in,
-)

@@ -1,31 +1,17 @@
-"""Measures of how a run went rather than how it ended: from the trajectories and the trace that a controller left.
-
-``navbench.analysis.measures`` says how measures are used, and registers these too. A column is one of a trajectory's,
-such as ``v_mps``, or of the controller's trace. A spell is a run of control periods over which one holds one value.
-"""
+"""What only the claims about nemeiksis2019 measure: how agents take turns in a run, and how steadily it goes."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from navbench.analysis.estimates import median_of, share_of
 from navbench.analysis.stored import StoredResults, reached
+from navbench.analysis.traces import columns_of, spells
 from navbench.mathematics.statistics import Estimate
-from navbench.validation import DescriptionError
 
-FloatArray = NDArray[np.float64]
 Select = Mapping[str, Any]
-
-
-class Spell(NamedTuple):
-    """A run of control periods over which a column holds one value: from ``begin`` on, ``length`` periods."""
-
-    value: float
-    begin: int
-    length: int
 
 
 def median_periods(stored: StoredResults, select: Select) -> Estimate | None:
@@ -36,12 +22,12 @@ def median_periods(stored: StoredResults, select: Select) -> Estimate | None:
 
 def median_spread(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return how far a column's values lie apart in an episode, the greatest less the least: the median episode's."""
-    return median_of([float(np.ptp(values)) for values in _columns(stored, column, select)])
+    return median_of([float(np.ptp(values)) for values in columns_of(stored, column, select)])
 
 
 def median_last(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return a column's value in the last control period: the median episode's, with the range."""
-    return median_of([float(values[-1]) for values in _columns(stored, column, select)])
+    return median_of([float(values[-1]) for values in columns_of(stored, column, select)])
 
 
 def share_of_periods_within(
@@ -59,7 +45,7 @@ def share_of_periods_within(
         select: which cells.
     """
     shares = []
-    for values in zip(*(_columns(stored, column, select) for column in columns), strict=True):
+    for values in zip(*(columns_of(stored, column, select) for column in columns), strict=True):
         shares.append(float(np.mean(np.all([(low <= one) & (one <= high) for one in values], axis=0))))
     return median_of(shares)
 
@@ -69,13 +55,13 @@ def share_of_periods_changing(stored: StoredResults, column: str, by: float, sel
 
     The value is the median episode's, with the range, see ``share_of_periods_within``.
     """
-    changes = [np.abs(np.diff(values)) for values in _columns(stored, column, select)]
+    changes = [np.abs(np.diff(values)) for values in columns_of(stored, column, select)]
     return median_of([float(np.mean(change > by)) for change in changes])
 
 
 def share_never_rising(stored: StoredResults, column: str, slack: float, select: Select) -> Estimate | None:
     """Return the share of episodes in which a column rises from no control period to the next by more than a slack."""
-    return share_of([bool((np.diff(values) <= slack).all()) for values in _columns(stored, column, select)])
+    return share_of([bool((np.diff(values) <= slack).all()) for values in columns_of(stored, column, select)])
 
 
 def share_in_sequence(
@@ -90,13 +76,13 @@ def share_in_sequence(
         least_periods: shorter spells do not count, and what they part is one spell.
         select: which cells.
     """
-    happened = [[s.value for s in spells(found, least_periods)] for found in _columns(stored, column, select)]
+    happened = [[s.value for s in spells(found, least_periods)] for found in columns_of(stored, column, select)]
     return share_of([trajectory == list(values) for trajectory in happened])
 
 
 def median_changes(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return how often a column changes its value in an episode: the median episode's, with the range."""
-    return median_of([int(np.count_nonzero(np.diff(values))) for values in _columns(stored, column, select)])
+    return median_of([int(np.count_nonzero(np.diff(values))) for values in columns_of(stored, column, select)])
 
 
 def share_jumping(
@@ -123,7 +109,7 @@ def share_jumping(
         select: which cells.
     """
     jumps = []
-    for found, agents in zip(_columns(stored, column, select), _columns(stored, switched, select), strict=True):
+    for found, agents in zip(columns_of(stored, column, select), columns_of(stored, switched, select), strict=True):
         for before, after in itertools.pairwise(spells(agents, least_periods)):
             if value in (before.value, after.value):
                 near = found[max(after.begin - least_periods, 0) : after.begin + least_periods]
@@ -131,41 +117,20 @@ def share_jumping(
     return share_of(jumps)
 
 
-def spells(values: FloatArray, least_periods: int = 1) -> list[Spell]:
-    """Return the spells of a column in their order, without the short ones.
+def share_greater(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
+    """Return the share of pairs in which one controller's metric is greater than the other's, failures included.
 
-    Where a short one has parted two of the same value they count as one, which begins with the first of them.
+    Args:
+        stored: the study's results.
+        metric: the metric's name, such as "min_clearance_m".
+        select: the cells that are said to have more of it.
+        than: the cells that they are compared with.
     """
-    found: list[Spell] = []
-    begin = 0
-    for value, run in itertools.groupby(values.tolist()):
-        length = len(list(run))
-        if length >= least_periods:
-            if found and found[-1].value == value:
-                found[-1] = found[-1]._replace(length=begin + length - found[-1].begin)
-            else:
-                found.append(Spell(value, begin, length))
-        begin += length
-    return found
+    rows = stored.pairs(select, than)
+    return share_of((rows[metric] > rows[f"{metric}_other"]).to_numpy())
 
 
-def _columns(stored: StoredResults, column: str, select: Select) -> Iterator[FloatArray]:
-    """Yield a column of each episode, without the row at its end, at which nothing acted any more."""
-    for row in stored.select(**select).to_dict("records"):
-        trajectory = stored.trajectory(row)
-        if column not in trajectory.columns:
-            raise DescriptionError(f"{column}: there is no such column; allowed: {', '.join(trajectory.columns)}")
-        yield trajectory[column].to_numpy()[:-1]
-
-
-MEASURES = (
-    median_periods,
-    median_spread,
-    median_last,
-    median_changes,
-    share_of_periods_within,
-    share_of_periods_changing,
-    share_never_rising,
-    share_in_sequence,
-    share_jumping,
-)
+def described_count(stored: StoredResults, table: str, where: Select) -> Estimate | None:
+    """Return how many rows of a described table match, a value for each column; its n is how many there are."""
+    matching = float(len(stored.described_rows(table, where)))
+    return Estimate(matching, matching, matching, len(stored.described(table)))
