@@ -1,8 +1,7 @@
 """Sections of a report on what a paper says: findings, claims with verdicts, its tables beside ours, its errata."""
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verdicts_in
 from navbench.analysis.measuring import measure
@@ -11,9 +10,6 @@ from navbench.mathematics.statistics import Estimate
 from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
 from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError
-
-if TYPE_CHECKING:
-    pass
 
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
 SHOWN = ("show", "decimals", "signed")
@@ -54,7 +50,7 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
         groups: counted apart: the claims whose ids begin with one of these.
     """
     table = judged(page.stored, trust=page.trust)
-    words = verdicts_in(table)
+    kinds = verdicts_in(table)
     chosen = {
         title: table[table["id"].str.startswith(tuple(beginnings))]
         for title, beginnings in {**(groups or {}), "all claims": [""]}.items()
@@ -63,8 +59,8 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
         of_it = table[table["evidence"] == evidence]
         if len(of_it):
             chosen[f"of these, evidence {_plain(evidence)}"] = of_it
-    counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in words)] for title, rows in chosen.items()]
-    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in words)]
+    counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in kinds)] for title, rows in chosen.items()]
+    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in kinds)]
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
     rows = [_told(claim) for claim in table.to_dict("records")]
     claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
@@ -86,7 +82,7 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
 
 def printed_figure(claim: Mapping[Any, Any]) -> str:
     """Return the number that a paper prints of a claim, a row of ``claims.csv``, where it prints one."""
-    return MISSING if math.isnan(claim["printed"]) else f"{claim['printed']:g} {claim['unit']}".strip()
+    return MISSING if claim["printed"] != claim["printed"] else f"{claim['printed']:g} {claim['unit']}".strip()
 
 
 def measured_figure(claim: Mapping[Any, Any]) -> str:
@@ -130,12 +126,12 @@ def printed_table(
 
 def _printed(stored: StoredResults, beginning: str) -> dict[tuple[str | None, str], float]:
     """Return the printed figures of some claims by the label, None for every one, and world of each."""
-    found: dict[tuple[str | None, str], float] = {}
-    for name, claim in claims_of("claims", stored.manifest["study"]["claims"]).items():
-        if name.startswith(beginning):
-            cells = claim.of or {}
-            found[cells.get("label"), cells["world"]] = quantity("printed", claim.printed)[0]
-    return found
+    found = claims_of("claims", stored.manifest["study"]["claims"])
+    return {
+        (claim.of.get("label"), claim.of["world"]): quantity("printed", claim.printed)[0]
+        for name, claim in found.items()
+        if name.startswith(beginning) and claim.of and claim.printed is not None
+    }
 
 
 def errata(page: Page, *, items: Sequence[Mapping[str, str]]) -> Blocks:

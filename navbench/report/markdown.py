@@ -1,8 +1,11 @@
 """A report in Markdown, as GitHub shows it."""
 
+import re
 from collections.abc import Sequence
 
 from navbench.report.document import MISSING, Block, Document, Finding, Heading, Lines, Link, Paragraph, Plot, Table
+
+NUMBER = re.compile(r"[-+\[]*(\d|inf\b)")
 
 
 def render(document: Document) -> str:
@@ -24,8 +27,7 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def aligned_right(count: int, rows: Sequence[Sequence[str]]) -> list[bool]:
     """Return which columns are aligned to the right: those whose entries begin like numbers."""
     return [
-        i > 0 and all(not row[i] or row[i] == MISSING or row[i][0] in "+-0123456789[" for row in rows)
-        for i in range(count)
+        i > 0 and all(not row[i] or row[i] == MISSING or NUMBER.match(row[i]) for row in rows) for i in range(count)
     ]
 
 

@@ -101,7 +101,7 @@ def _making(manifest: Mapping[str, Any]) -> list[Block]:
         tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
     text = (
         f"`navbench study {name}` runs it all and writes this report; `navbench report outputs/study/{name}` writes "
-        f"the report again from stored results, and runs nothing. Estimate: {episodes} episodes in "
+        f"the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
         f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}

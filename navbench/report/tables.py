@@ -25,6 +25,7 @@ FAILURES = ("collided", "timed_out", "controller_error")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
 FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
 COUNTS = {"reached": "of", "fleets": "episodes"}  # counts, and of how many
+UNITS = {"m": "m", "s": "s", "mps": "m/s", "rad": "rad"}
 SUMMED = ("collisions", *MEANS, *FAILURES, "makespan_s")
 WHERE_MANY = ("sensors", "simulator", "seed")  # printed where a table's cells differ in them
 
@@ -113,7 +114,7 @@ def summary(page: Page) -> Blocks:
         rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in SUMMED)])
     columns = [Column("world", "world"), Column("controller", "controller"), Column("seed", "seed")]
     columns += [Column("reached", show="count"), Column("share", "reached", decimals=3)]
-    columns += [Column(_plain(name), name) for name in SUMMED]
+    columns += [_column(name) for name in SUMMED]
     return [
         Paragraph("Means are over the robots that reached their goals, and over no others."),
         page.table(columns, rows),
@@ -155,5 +156,8 @@ def _cell(row: Mapping[Any, Any], name: str) -> str:
     )
 
 
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
+def _column(name: str) -> Column:
+    """Return the column of a metric, whose name ends in its unit."""
+    word, _, unit = name.rpartition("_")
+    title = word if unit in UNITS else name
+    return Column(title.replace("_", " "), name, UNITS.get(unit, ""))

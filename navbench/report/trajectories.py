@@ -73,7 +73,7 @@ def trajectories(
             if len(labels) == 1:  # a fleet: a colour a robot
                 one = one._replace(color=robot_color(row["robot_index"]))
             rank = labels.index(row["label"])
-            _draw_way(ax, path, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
+            _draw_path(ax, path, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
             draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
                 size = 4.0 * nested_width(rank, len(labels))
@@ -109,7 +109,7 @@ def _by_cell(page: Page, select: Select) -> Blocks:
     return plots or [Paragraph("No trajectories were kept.")]
 
 
-def _draw_way(
+def _draw_path(
     ax: "Axes", path: "pd.DataFrame", color: str, rank: int, count: int, faint: bool, radius_m: float
 ) -> None:
     """Draw a path; of several tunings the first one strongly, the others behind it."""
