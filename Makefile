@@ -2,15 +2,20 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+NEWER := build/trixie
 STUDIES := aouf2019 zhao2017 zhao2018 nemeiksis2019 lei2014 papers
 
-.PHONY: run test lint format clean clean-cache tuned results
+.PHONY: run test test-newer lint format clean tuned results
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
+	@echo 'navbench is installed in $(VENV): `source $(BIN)/activate` puts it on the path of your shell'
 
 test: $(STAMP) ## all tests, on all cores
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+test-newer: ## all tests under CPython 3.13, in a Debian root made by debootstrap (as root; kept in NEWER)
+	.ci/newer.sh $(NEWER)
 
 lint: $(STAMP) ## style and types
 	$(BIN)/ruff check .
@@ -21,23 +26,23 @@ format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# pybullet has wheels for CPython 3.10 and 3.11 only, and the locked packages need 3.11. The system's own comes first:
-# distributions build theirs with profile-guided optimization, in which episodes take a tenth less time.
+# 3.11 and the system's own come first: distributions build theirs with profile-guided optimization, in which episodes take
+# a tenth less time. mypy knows no package that lies in two places, so conf and controllers are linked for it.
 $(STAMP): pyproject.toml constraints.txt
-	@python=; for candidate in /usr/bin/python3.11 python3.11 python3 python; do \
-	  if $$candidate -c 'import ensurepip, sys, venv; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$$candidate; break; fi; \
+	@python=; for candidate in /usr/bin/python3.11 python3.11 /usr/bin/python3 python3.12 python3.13 python3 python; do \
+	  if $$candidate -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null; then python=$$candidate; break; fi; \
 	done; \
 	if [ -n "$$python" ]; then $$python -m venv --clear $(VENV); \
 	elif command -v uv >/dev/null; then uv venv --clear --seed --python 3.11 $(VENV); \
-	else echo "navbench needs CPython 3.11 (pybullet has no wheel for a newer one): install it, or install uv, and call make again" >&2; exit 1; fi
+	else echo "navbench needs CPython 3.11, 3.12 or 3.13, with its venv: install one, or install uv, and call make again" >&2; exit 1; fi
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@mkdir -p $(VENV)/types/navbench
+	@ln -sfn ../../../conf $(VENV)/types/navbench/conf
+	@ln -sfn ../../../controllers $(VENV)/types/navbench/controllers
 	@touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) outputs multirun .pytest_cache .mypy_cache .ruff_cache
-
-clean-cache: ## drop compiled functions: a cache notices changes of its own file only
-	find navbench controllers -name '*.nb[ic]' -delete
+	rm -rf $(VENV) build outputs multirun .pytest_cache .mypy_cache .ruff_cache
 
 tuned: $(STAMP) ## tune the PIDs of aouf2019 and evolve zhao2018's controller again, seed 0, into conf/controller
 	for tuner in pso abc fa; do \

@@ -11,6 +11,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pybullet
@@ -22,9 +23,11 @@ from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.robot import Robot
 from navbench.sensors import Mount, Sensors
+from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import Layout, Start
 from navbench.world.shapes import Bounds, Disc, Point
-from navbench.world.world import Start, World
+from navbench.world.world import World
 
 ROUNDS = 7
 SECONDS = 0.7  # of CPU time a measurement
@@ -58,10 +61,12 @@ def rule_runner(robots: int) -> EpisodeRunner:
     ring = [math.tau * i / robots for i in range(robots)]
     world = World(
         name="benchmark",
-        bounds=Bounds(x_min_m=-side, x_max_m=side, y_min_m=-side, y_max_m=side),
-        discs=discs,
-        starts=tuple(Start(x_m=4.0 * math.cos(a), y_m=4.0 * math.sin(a)) for a in ring),
-        goals=tuple(Point(x_m=-4.0 * math.cos(a), y_m=-4.0 * math.sin(a)) for a in ring),
+        source=Layout(
+            bounds=Bounds(x_min_m=-side, x_max_m=side, y_min_m=-side, y_max_m=side),
+            discs=discs,
+            starts=tuple(Start(x_m=4.0 * math.cos(a), y_m=4.0 * math.sin(a)) for a in ring),
+            goals=tuple(Point(x_m=-4.0 * math.cos(a), y_m=-4.0 * math.sin(a)) for a in ring),
+        ),
         goal_tolerance_m=0.001,
         time_limit_s=20.0,
     )
@@ -71,7 +76,16 @@ def rule_runner(robots: int) -> EpisodeRunner:
     )
     sensors = Sensors(drawn_for_radius_m=0.1, mounts=mounts, max_range_m=3.0)
     robot = Robot(radius_m=0.1, track_m=0.15, wheel_speed_max_mps=0.5)
-    return EpisodeRunner(Rule, Native(robot, 0.1), world, robot, sensors, SimulatorOptions(), 0, Jitter())
+    return EpisodeRunner(
+        make_controller=Rule,
+        make_simulator=partial(BulletSimulator, SimulatorOptions()),
+        native=Native(robot, 0.1),
+        world=world,
+        robot=robot,
+        sensors=sensors,
+        seed=0,
+        jitter=Jitter(),
+    )
 
 
 def sflc_runner() -> EpisodeRunner:
@@ -81,22 +95,22 @@ def sflc_runner() -> EpisodeRunner:
 
 def swap_runner() -> EpisodeRunner:
     """Return episodes of oa_to on 50 robots that swap their places on a circle: 16 rays each."""
-    return compose_cell("controller=oa_to", "world=swap_circle", "world.layout.swap.robots=50").runner()
+    return compose_cell("controller=oa_to", "world=swap_circle", "world.source.robots=50").runner()
 
 
 def bare_loop(runner: EpisodeRunner) -> Callable[[], int]:
     """Return the bare loop over the poses of one of the runner's episodes; it returns its control steps."""
     records = runner.run(0)
-    simulator = runner._simulator
-    client, rays, scale = simulator._client, simulator._rays, simulator._scale
+    simulator = runner.simulator
+    assert isinstance(simulator, BulletSimulator)
+    client, scale, begins, ends = simulator.client, simulator.scale, simulator.begins, simulator.ends
     steps: list[list[tuple[int, tuple[float, float, float], tuple[float, float, float, float]]]] = []
-    for body, record in zip(simulator._robot_bodies, records, strict=True):
+    for body, record in zip(simulator.bodies, records, strict=True):
         for k, (_, x, y, heading, _, _) in enumerate(record.states[:-1].tolist()):
             if k == len(steps):
                 steps.append([])
             turn = (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
             steps[k].append((body, (x * scale, y * scale, 0.0), turn))
-    begins, ends = rays.begins, rays.ends
 
     def loop() -> int:
         for robots in steps:

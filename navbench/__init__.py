@@ -1,10 +1,13 @@
-"""Compare reactive navigation controllers of wheeled robots in PyBullet worlds."""
+"""Compare reactive navigation controllers of wheeled robots in simulated worlds."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import pandas as pd
+
+if not (Path(__file__).parent / "conf").is_dir():  # in the source tree conf and controllers stand beside this folder
+    __path__.append(str(Path(__file__).parents[1]))
 
 __version__ = "0.1.0"
 

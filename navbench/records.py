@@ -1,15 +1,30 @@
 """What is kept of an episode and of the cell it belongs to: the words that the loop, the store and the reader share."""
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.mathematics.metrics import Metrics
+from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
-Outcome = Literal["reached", "collided", "timed_out", "controller_error"]
+Outcome = Literal["reached", "collided", "timed_out", "controller_error", "no_layout"]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Thing:
+    """Something that a robot can touch: of what kind, and which one of these in its world."""
+
+    kind: Literal["box", "disc", "mover", "polygon", "robot", "wall"]
+    index: int
+
+    def __str__(self) -> str:
+        """Return what people call it, such as "disc 0"."""
+        return f"{self.kind} {self.index}"
 
 
 class RobotRecord(NamedTuple):
@@ -17,7 +32,7 @@ class RobotRecord(NamedTuple):
 
     Attributes:
         robot_index: which robot of the world.
-        outcome: "reached", "collided", "timed_out" or "controller_error".
+        outcome: "reached", "collided", "timed_out", "controller_error", or "no_layout" where none could be drawn.
         reason: what it hit, or what the controller did; empty where the outcome says all.
         metrics: the metrics.
         states: (n + 1, 6) t [s], x, y [m], heading [rad], v [m/s], w [rad/s] of the world at the beginning of each of
@@ -25,6 +40,8 @@ class RobotRecord(NamedTuple):
         traces: (n + 1, n_names) the controller's trace, native; nan at the end, where it acted no more.
         trace_names: its names.
         latencies_s: (n,) the time of each act on the machine's clock [s].
+        hit: what a robot that collided hit.
+        layout: what was driven in; None where nothing was driven.
     """
 
     robot_index: int
@@ -35,6 +52,14 @@ class RobotRecord(NamedTuple):
     traces: FloatArray
     trace_names: tuple[str, ...]
     latencies_s: FloatArray
+    hit: Thing | None = None
+    layout: Layout | None = None
+
+    @classmethod
+    def lost(cls, robot_index: int, outcome: Outcome, reason: str) -> "RobotRecord":
+        """Return what is known of a robot of which nothing was recorded."""
+        metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0, 0, 0, math.nan)
+        return cls(robot_index, outcome, reason, metrics, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0))
 
 
 class Names(NamedTuple):
@@ -51,15 +76,23 @@ class CellKey(NamedTuple):
     """What results know of a cell.
 
     Attributes:
+        name: what it is there for, such as "printed" or "fair"; the cells of a comparison share it.
+        label: what tables and reports call its controller.
         names: what its parts are called.
         configuration: its resolved configuration, of plain values.
         sources: where each part's parameters come from.
         config_hash: digits over names and configuration: everything that decides an episode but seed and index.
         run_id: digits over config_hash and seed; two runs of the same cell share it.
         seed: of every stream.
-        episodes: how many, from index 0.
+        episodes: how many.
+        first_episode: the index of the first one.
+        tuning: the name of the tuning that its parameters come from, or empty.
+        tuning_seed: that tuning's seed; -1 without one.
+        packages: what the simulator runs on, whose versions belong to the results.
     """
 
+    name: str
+    label: str
     names: Names
     configuration: Mapping[str, Any]
     sources: Mapping[str, Any]
@@ -67,24 +100,10 @@ class CellKey(NamedTuple):
     run_id: str
     seed: int
     episodes: int
-
-
-class StudyCell(NamedTuple):
-    """A cell's place in a study.
-
-    Attributes:
-        key: the cell.
-        name: what it is there for, such as "printed" or "fair"; the cells of a comparison share it.
-        label: what the report calls its controller.
-        tuning: the name of the tuning that its parameters come from, or empty.
-        tuning_seed: that tuning's seed; -1 without one.
-    """
-
-    key: CellKey
-    name: str
-    label: str
+    first_episode: int = 0
     tuning: str = ""
     tuning_seed: int = -1
+    packages: tuple[str, ...] = ()
 
 
 class TuningKey(NamedTuple):

@@ -3,8 +3,11 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
+
+import psutil
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 
@@ -23,3 +26,13 @@ Command = Callable[..., Done]
 def in_a_process(folder: Path, *words: str) -> Done:
     done = subprocess.run([NAVBENCH, *words], cwd=folder, capture_output=True, text=True, check=False)
     return Done(done.returncode, done.stdout, done.stderr)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return the worker processes of a driver that are alive."""
+    found = []
+    for child in psutil.Process(pid).children():
+        with suppress(psutil.Error):  # it ended meanwhile
+            if any("popen_loky_posix" in word for word in child.cmdline()):
+                found.append(child.pid)
+    return found

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from navbench.episode.starts import Jitter
 from navbench.records import RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Mount, Sensors
-from navbench.simulation.bullet import Simulator
+from navbench.simulation.base import Simulator
+from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.contacts import Event
 from navbench.simulation.options import SimulatorOptions
-from navbench.simulation.scene import Scene
+from navbench.world.layout import DrawnWorld, Layout, Start
 from navbench.world.shapes import Bounds, Mover, Point
-from navbench.world.world import Start, World
+from navbench.world.world import World, drawn
 
 FloatArray = NDArray[np.float64]
 Act = Callable[[Observation], Any]
@@ -32,7 +34,7 @@ STAND = Command(0.0, 0.0)
 STILL = Jitter()
 
 
-def a_world(**changes: Any) -> World:
+def a_world(**changes: Any) -> DrawnWorld:
     """Return an empty world of 2 km with one robot at the origin, facing a goal 500 m ahead."""
     values: dict[str, Any] = {
         "name": "scene",
@@ -43,7 +45,8 @@ def a_world(**changes: Any) -> World:
     }
     values |= changes
     values.setdefault("goals", tuple(Point(x_m=500.0, y_m=10.0 * i) for i in range(len(values["starts"]))))
-    return World(**values)
+    own = {key: values.pop(key) for key in ("name", "goal_tolerance_m", "time_limit_s")}
+    return drawn(Layout(**values), **own)
 
 
 def a_robot(radius_m: float = 1.0, speed_mps: float = 1.0, accel_mps2: float | None = None) -> Robot:
@@ -73,16 +76,17 @@ def to_and_fro(*points: tuple[float, float], speeds: Sequence[float], radius_m: 
 
 
 def a_simulator(
-    world: World,
+    world: DrawnWorld,
     robot: Robot,
     sensors: Sensors = BLIND,
     options: SimulatorOptions = IDEAL,
     poses: Sequence[Pose] | None = None,
 ) -> Simulator:
     """Return a simulator with its robots at these poses, or at the world's starts."""
-    simulator = Simulator(robot, sensors.scaled_to(robot.radius_m), options, robot.wheel_accel_max_mps2)
-    simulator.reset(
-        Scene(world),
+    simulator = BulletSimulator(options, robot, sensors.scaled_to(robot.radius_m), robot.wheel_accel_max_mps2)
+    reset(
+        simulator,
+        world,
         [Pose(start.x_m, start.y_m, world.start_heading_rad(i)) for i, start in enumerate(world.starts)]
         if poses is None
         else poses,
@@ -90,9 +94,15 @@ def a_simulator(
     return simulator
 
 
+def reset(simulator: Simulator, world: DrawnWorld, poses: Sequence[Pose]) -> None:
+    """Begin an episode with the robots at these poses."""
+    simulator.reset(world, poses, world.goal_tolerance_m)
+
+
 def pose_of(simulator: Simulator, index: int = 0) -> Pose:
     """Return where a robot is."""
-    return Pose(*simulator.rows()[index][:3])
+    state = simulator.states()[index]
+    return Pose(state.x_m, state.y_m, state.heading_rad)
 
 
 def drive(
@@ -144,7 +154,7 @@ def schedule(commands: Sequence[tuple[float, float]], period_s: float) -> Script
 
 
 def a_runner(
-    world: World,
+    world: DrawnWorld | World,
     controllers: Controller | Sequence[Controller],
     *,
     robot: Robot | None = None,
@@ -167,18 +177,31 @@ def a_runner(
 
     if native is None and period_s is not None:
         native = Native(robot, period_s)
-    return EpisodeRunner(make, native, world, robot, sensors, options, seed, jitter)
+    if isinstance(world, DrawnWorld):  # always the same
+        world = World(
+            name=world.name, source=world, goal_tolerance_m=world.goal_tolerance_m, time_limit_s=world.time_limit_s
+        )
+    return EpisodeRunner(
+        make_controller=make,
+        make_simulator=partial(BulletSimulator, options),
+        native=native,
+        world=world,
+        robot=robot,
+        sensors=sensors,
+        seed=seed,
+        jitter=jitter,
+    )
 
 
 def run(
-    world: World, controllers: Controller | Sequence[Controller], *, episode: int = 0, **options: Any
+    world: DrawnWorld | World, controllers: Controller | Sequence[Controller], *, episode: int = 0, **options: Any
 ) -> list[RobotRecord]:
     """Run one episode and return a record a robot."""
     with a_runner(world, controllers, **options) as runner:
         return runner.run(episode)
 
 
-def run_one(world: World, controller: Controller, **options: Any) -> RobotRecord:
+def run_one(world: DrawnWorld, controller: Controller, **options: Any) -> RobotRecord:
     """Run one episode of a world with one robot."""
     (record,) = run(world, controller, **options)
     return record

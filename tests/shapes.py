@@ -9,9 +9,9 @@ from scenes import a_world, to_and_fro
 
 from navbench.contract import Pose
 from navbench.sensors import Sensors
-from navbench.world.layouts import convex_corners
+from navbench.world.generators.polygons import convex_corners
+from navbench.world.layout import DrawnWorld, Start
 from navbench.world.shapes import Box, Disc, Point, Polygon, Wall
-from navbench.world.world import Start, World
 
 RAY_TOLERANCE_RADII = 2.5e-4  # PyBullet's 0.001 units, where a robot's radius is at least 4 units
 
@@ -121,7 +121,7 @@ class Shard(NamedTuple):
 Shape = Round | Block | Shard
 
 
-def shapes_of(world: World, radius_m: float, poses: Sequence[Pose], t_s: float, but: int = 0) -> list[Shape]:
+def shapes_of(world: DrawnWorld, radius_m: float, poses: Sequence[Pose], t_s: float, but: int = 0) -> list[Shape]:
     """Return everything that a robot can meet at an instant: made from the description, not by navbench."""
     shapes: list[Shape] = [Round(complex(disc.x_m, disc.y_m), disc.radius_m) for disc in world.discs]
     for box in world.boxes:
@@ -144,7 +144,7 @@ def clearance(shapes: Iterable[Shape], p: complex, radius_m: float) -> float:
     return min((shape.away(p) for shape in shapes), default=math.inf) - radius_m
 
 
-def clutter(rng: np.random.Generator, radius_m: float, robots: int = 1, movers: int = 0) -> World:
+def clutter(rng: np.random.Generator, radius_m: float, robots: int = 1, movers: int = 0) -> DrawnWorld:
     """Return a world of random boxes, discs and walls with free starts, in which lengths go with the radius."""
 
     def place() -> list[float]:

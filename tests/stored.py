@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import StoredResults
+from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
-from navbench.records import CellKey, Names, RobotRecord, StudyCell, TuningKey
+from navbench.records import CellKey, Names, RobotRecord, Thing, TuningKey
 from navbench.report.document import Blocks, Document
 from navbench.report.markdown import render
 from navbench.report.page import Page
@@ -37,22 +38,35 @@ WORLD = {
 }
 ROBOT = {"radius_m": 0.1, "track_m": 0.15, "wheel_speed_max_mps": 0.5, "wheel_accel_max_mps2": None}
 CROSSING: dict[str, Any] = {  # two robots change places among what is drawn anew for each episode
-    "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
-    "layout": {
+    "source": {
+        "_target_": "navbench.world.generators.Scattered",
+        "base": {
+            "_target_": "navbench.world.Layout",
+            "bounds": {"x_min_m": 0.0, "x_max_m": 20.0, "y_min_m": 0.0, "y_max_m": 10.0},
+            "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
+            "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
+        },
         "gap_m": 0.5,
-        "discs": {"count": [2, 3], "radius_m": [0.4, 0.8]},
-        "polygons": {"count": [1, 2], "radius_m": [0.5, 0.9], "corners": [3, 6]},
-        "movers": {
-            "count": [2, 3],
-            "radius_m": [0.3, 0.6],
-            "speed_mps": [0.2, 0.8],
-            "leg_m": [2.0, 8.0],
-            "polygon_share": 0.5,
-            "corners": [3, 5],
+        "parts": {
+            "discs": {"_target_": "navbench.world.generators.Discs", "count": [2, 3], "radius_m": [0.4, 0.8]},
+            "polygons": {
+                "_target_": "navbench.world.generators.Polygons",
+                "count": [1, 2],
+                "radius_m": [0.5, 0.9],
+                "corners": [3, 6],
+            },
+            "movers": {
+                "_target_": "navbench.world.generators.Wander",
+                "count": [2, 3],
+                "radius_m": [0.3, 0.6],
+                "speed_mps": [0.2, 0.8],
+                "leg_m": [2.0, 8.0],
+                "polygon_share": 0.5,
+                "corners": [3, 5],
+                "duration_s": LIMIT_S,
+            },
         },
     },
-    "starts": [{"x_m": 1.0, "y_m": 5.0}, {"x_m": 19.0, "y_m": 5.0}],
-    "goals": [{"x_m": 19.0, "y_m": 5.0}, {"x_m": 1.0, "y_m": 5.0}],
     "goal_tolerance_m": 0.2,
     "time_limit_s": LIMIT_S,
 }
@@ -79,7 +93,7 @@ def a_drive(
     v_mps: Sequence[float],
     outcome: Any = "reached",
     index: int = 0,
-    reason: str = "",
+    hit: Thing | None = None,
     places: Sequence[tuple[float, float]] | None = None,
     contacts: tuple[int, int, int] = (0, 0, 0),
     time_s: float | None = None,
@@ -91,7 +105,7 @@ def a_drive(
         v_mps: its speed in each period; as in a run, the last one is repeated at the end, where no trace is left.
         outcome: how it ended.
         index: which robot.
-        reason: what it hit.
+        hit: what it hit.
         places: where it was at the beginning of each period and at the end.
         contacts: all its contacts, those with robots, and those while it stood.
         time_s: when it ended; without it, after the last period.
@@ -105,7 +119,7 @@ def a_drive(
     traces = np.array([[*values, math.nan] for values in trace.values()]).reshape(len(trace), count + 1).T
     end_s = float(count) if time_s is None else time_s
     metrics = Metrics(1.0, end_s, contacts[0], 0.1, 1.0 / end_s, 1.0, 0.5, 2, *contacts[1:], 0.0)
-    return RobotRecord(index, outcome, reason, metrics, states, traces, tuple(trace), np.full(count, 1e-5))
+    return RobotRecord(index, outcome, "", metrics, states, traces, tuple(trace), np.full(count, 1e-5), hit)
 
 
 def a_cell(
@@ -116,7 +130,7 @@ def a_cell(
     seed: int = -1,
     scene: Mapping[str, Any] = WORLD,
     **build: Any,
-) -> StudyCell:
+) -> CellKey:
     """Return a study's cell in a world of this configuration; what else differs makes its run_id."""
     run_id = f"{label}-{world}-{name}-{seed}".replace(" ", "").lower()
     configuration = {
@@ -127,7 +141,7 @@ def a_cell(
         "simulator": {},
     }
     names = Names("pid", world, "disc", "none", "ideal")
-    return StudyCell(CellKey(names, configuration, SOURCES, run_id, run_id, 0, 1), name, label, tuning, seed)
+    return CellKey(name, label, names, configuration, SOURCES, run_id, run_id, 0, 1, 0, tuning, seed)
 
 
 def a_tuning(name: str, seed: int) -> TuningKey:
@@ -142,7 +156,7 @@ def a_tuning(name: str, seed: int) -> TuningKey:
 
 def store(
     path: Path,
-    cells: Sequence[tuple[StudyCell, Sequence[RobotRecord | Fleet]]],
+    cells: Sequence[tuple[CellKey, Sequence[RobotRecord | Fleet]]],
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
@@ -161,8 +175,13 @@ def store(
     results.begin([cell for cell, _ in cells], tunings, study)
     for cell, records in cells:
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
-        pairs = [(episode, record) for episode, fleet in enumerate(fleets) for record in fleet]
-        results.write_batch(cell.key, range(len(records)), pairs)
+        world, _ = world_of(cell.configuration["world"], cell.names.world)
+        pairs = [
+            (episode, record._replace(layout=world.drawn_for(cell.seed, episode)))
+            for episode, fleet in enumerate(fleets)
+            for record in fleet
+        ]
+        results.write_batch(cell, range(len(records)), pairs)
     for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
         columns = {
             "evaluation": list(range(len(values))),

@@ -3,14 +3,13 @@ import functools
 import math
 import pickle
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-import navbench.conf
+from navbench.cli.catalogue import CONF
 from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
 from navbench.controllers.aouf2019 import equations as aouf2019
@@ -21,7 +20,6 @@ from navbench.controllers.aouf2019.pid import Pid
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.controllers.classical.go_to_goal import GoToGoal
 
-CONF = Path(navbench.conf.__file__).parent
 KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal, "mixed": Mixed}
 PERIOD_S = 0.05
 WINDOW = 20  # control periods of 0.05 s in the stall window of 1 s

@@ -8,13 +8,14 @@ import pytest
 from scenes import BLOCK, IDEAL, Scripted, a_robot, a_world, always, run, run_one, schedule, to_and_fro
 
 from navbench.contract import Command, Observation
-from navbench.records import RobotRecord
+from navbench.records import RobotRecord, Thing
+from navbench.simulation.bullet import prism
 from navbench.simulation.contacts import ContactLedger, Contacts
 from navbench.simulation.motion import ROBOT
 from navbench.simulation.options import SimulatorOptions
-from navbench.simulation.scene import Scene, prism
+from navbench.simulation.scene import Scene
+from navbench.world.layout import DrawnWorld, FinishLine, Start
 from navbench.world.shapes import Disc, Point, Polygon, Wall
-from navbench.world.world import FinishLine, Start, World
 
 SQUARE = tuple(Point(x_m=x, y_m=y) for x, y in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)))
 WALL = Wall(x1_m=5.1, y1_m=-50.0, x2_m=5.1, y2_m=50.0, thickness_m=0.1)
@@ -142,7 +143,7 @@ def test_a_contact_names_the_mover_by_its_place_in_the_world(index: int, outline
         for k, y in enumerate(lanes)
     )
     record = run_one(a_world(movers=movers, starts=starts((0, lanes[index], 0))), always(0.0))
-    assert record.reason == f"hit mover {index}"
+    assert (record.hit, record.reason) == (Thing("mover", index), f"hit mover {index}")
     assert record.metrics.time_s == pytest.approx((6.0 - 1.0 - (0.5 if outlined else 1.0)) / 2.0, abs=0.13)
 
 
@@ -184,10 +185,10 @@ def test_each_robots_distance_is_to_its_own_goal_even_where_its_controller_fails
 # --- the ledger ---
 
 
-def test_a_contact_is_of_a_robot_by_its_reason_alone() -> None:
-    contacts = Contacts().and_one("hit robot 12", stands=False).and_one("hit wall 0", stands=True)
-    assert contacts.and_one("hit robot 0", stands=True) == (3, 2, 2)
-    assert Contacts().and_one("hit mover 1", stands=False) == (1, 0, 0)
+def test_contacts_count_what_is_a_robot_apart() -> None:
+    contacts = Contacts().plus(Thing("robot", 12), stands=False).plus(Thing("wall", 0), stands=True)
+    assert contacts.plus(Thing("robot", 0), stands=True) == (3, 2, 2)
+    assert Contacts().plus(Thing("mover", 1), stands=False) == (1, 0, 0)
 
 
 def rows_of(clearance_m: float, left: float = 1.0, right: float = 1.0) -> np.ndarray[Any, np.dtype[np.void]]:
@@ -206,14 +207,14 @@ def test_a_held_robot_counts_again_only_after_it_was_further_away() -> None:
         (0.02, False, 1, False),
         (0.01, True, 2, True),
     ):
-        ledger.hold({0: "hit wall 0"} if touches else {}, rows_of(clearance_m), 1.0)
+        ledger.hold({0: Thing("wall", 0)} if touches else {}, rows_of(clearance_m), 1.0)
         assert (ledger.counts[0].total, ledger.any_held, ledger.touching[0]) == (total, held, touches)
 
 
 @pytest.mark.parametrize(("left", "right", "stands"), [(0.0, 0.0, 1), (0.0, 0.1, 0), (-0.1, 0.0, 0), (-0.1, 0.1, 0)])
 def test_a_robot_stands_where_both_wheels_do(left: float, right: float, stands: int) -> None:
     ledger = ContactLedger(1)
-    ledger.add(0, "hit robot 1", rows_of(0.0, left, right))
+    ledger.add(0, Thing("robot", 1), rows_of(0.0, left, right))
     assert ledger.counts == [(1, 1, stands)]
 
 
@@ -221,7 +222,7 @@ def test_a_robot_stands_where_both_wheels_do(left: float, right: float, stands: 
 
 
 @pytest.fixture(scope="module")
-def mixed() -> World:
+def mixed() -> DrawnWorld:
     outlines = [SQUARE, (), SQUARE[:3], ()]
     movers = tuple(
         to_and_fro((float(k), 0.0), (float(k), 50.0), speeds=[1.0 + k], radius_m=0.8, outline=outline)
@@ -232,16 +233,16 @@ def mixed() -> World:
     return a_world(movers=movers, polygons=(Polygon(corners=square),), discs=(disc,))
 
 
-def test_movers_keep_their_names_and_places_whatever_their_shape(mixed: World) -> None:
+def test_movers_keep_their_numbers_and_places_whatever_their_shape(mixed: DrawnWorld) -> None:
     scene = Scene(mixed)
     scene.move_to(2.0)
-    places = dict(zip(scene.mover_names(), scene.mover_places().tolist(), strict=True))
-    assert places == {f"mover {k}": [float(k), 2.0 * (1.0 + k)] for k in range(4)}
-    assert places == {f"mover {k}": list(mover.place(2.0)) for k, mover in enumerate(mixed.movers)}
+    places = dict(zip(scene.mover_order(), scene.mover_places().tolist(), strict=True))
+    assert places == {k: [float(k), 2.0 * (1.0 + k)] for k in range(4)}
+    assert places == {k: list(mover.place(2.0)) for k, mover in enumerate(mixed.movers)}
     assert scene.fastest_mps == 4.0
 
 
-def test_the_circles_hold_everything_that_is_not_a_box(mixed: World) -> None:
+def test_the_circles_hold_everything_that_is_not_a_box(mixed: DrawnWorld) -> None:
     scene = Scene(mixed)
     scene.move_to(1.0)
     found = {tuple(row) for row in np.round(scene.circles(), 12).tolist()}
@@ -250,7 +251,7 @@ def test_the_circles_hold_everything_that_is_not_a_box(mixed: World) -> None:
     assert found == {(-30.0, 0.0, 2.0, 0.0, 0.0), (20.0, 0.0, corner, 0.0, 0.0)} | moving
 
 
-def test_the_distance_in_a_scene_follows_its_movers(mixed: World) -> None:
+def test_the_distance_in_a_scene_follows_its_movers(mixed: DrawnWorld) -> None:
     scene = Scene(mixed)
     assert scene.distance(-3.0, 0.0) == pytest.approx(2.5)  # to the left side of the first one's square
     scene.move_to(2.0)
@@ -258,7 +259,7 @@ def test_the_distance_in_a_scene_follows_its_movers(mixed: World) -> None:
     assert Scene(a_world()).distance(0.0, 0.0) == math.inf
 
 
-def test_a_prism_has_two_triangles_a_side_and_no_repeated_corner(mixed: World) -> None:
+def test_a_prism_has_two_triangles_a_side_and_no_repeated_corner(mixed: DrawnWorld) -> None:
     rows = Scene(mixed).polygons
     three = next(row for row in rows if len({tuple(c) for c in row[5:].reshape(-1, 2).tolist()}) == 3)
     for row, corners in ((rows[0], 4), (three, 3)):
@@ -278,6 +279,6 @@ def test_a_prism_has_two_triangles_a_side_and_no_repeated_corner(mixed: World) -
 def test_a_standing_scene_moves_nothing() -> None:
     scene = Scene(a_world(discs=(Disc(x_m=9.0, y_m=0.0, radius_m=1.0),)))
     scene.move_to(5.0)
-    assert scene.mover_names() == []
+    assert scene.mover_order() == []
     assert scene.mover_places().shape == (0, 2)
     assert scene.fastest_mps == 0.0

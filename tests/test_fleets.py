@@ -15,8 +15,10 @@ from stored import CROSSING, LIMIT_S, ROBOT, WORLD, ZHAO2017, ZHAO2018, Fleet, a
 from navbench.analysis.fleets import fleets
 from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
+from navbench.cli.worlds import world_of
 from navbench.controllers.zhao2018.sections import evolution, gains
 from navbench.mathematics.statistics import Estimate
+from navbench.records import Thing
 from navbench.report.figures import MOVER as MOVER_COLOUR
 from navbench.report.outcomes import fleet_table
 from navbench.report.tables import summarize, to_markdown, to_text
@@ -204,7 +206,7 @@ def test_a_disc_is_met_from_hull_to_hull_by_whichever_robot_and_not_when_it_was_
     for within_m, share in ((0.0999, 0.0), (0.1001, 0.5), (0.3999, 0.5), (0.4001, 1.0)):
         found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=within_m, select=A)
         assert (found.value, found.n) == (share, 2)
-    hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, "hit disc 0", along)]
+    hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, Thing("disc", 0), along)]
     reading = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
     found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=9.0, select=A)
     assert (found.value, found.n) == (0.75, 4)
@@ -217,9 +219,8 @@ def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
 
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
     cell, episodes = a_cell("A", "crossing", scene=CROSSING), []
-    world = store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)])]).world(cell.key.run_id)
-    drawn = [store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)])]).world(cell.key.run_id, e) for e in range(3)]
-    assert drawn[0] == world
+    none = store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)] * 3)])
+    drawn = [none.world(cell.run_id, episode) for episode in range(3)]
     assert len({one.discs for one in drawn}) == 3
     for one in drawn:  # each robot stands in the middle of every disc in turn
         places = [(disc.x_m, disc.y_m) for disc in one.discs]
@@ -232,14 +233,14 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
 # --- the stored world and pairs ---
 
 
-def test_the_stored_world_is_drawn_as_it_was_in_the_run(tmp_path: Path) -> None:
+def test_the_stored_world_is_the_one_that_was_driven(tmp_path: Path) -> None:
     cell = a_cell("A", "crossing", scene=CROSSING)
-    reading = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)])])
-    first, second = reading.world(cell.key.run_id), reading.world(cell.key.run_id, 1)
-    assert first.layout is second.layout is None
+    reading = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)] * 2)])
+    first, second = reading.world(cell.run_id), reading.world(cell.run_id, 1)
+    assert [first, second] == [world_of(CROSSING, "crossing")[0].drawn_for(0, episode) for episode in range(2)]
     assert first.movers
     assert first != second
-    assert first == reading.world(cell.key.run_id, 0)
+    assert first == reading.world(cell.run_id, 0)
     assert first.starts == second.starts
 
 

@@ -1,17 +1,23 @@
 """The shape of the house: floors, packaging, and what may import what."""
 
 import ast
+import os
 import re
+import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
+from hatchling.build import build_wheel
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "navbench"
 
 FLOORS = {
-    "contract": 0,  # floor 0: the contract and mathematics
+    "compiled": 0,  # floor 0: the contract and mathematics
+    "contract": 0,
     "mathematics": 0,
     "fuzzy": 0,
     "tuning": 0,
@@ -31,14 +37,13 @@ FLOORS = {
 MODULES = {
     ".".join(("navbench", *path.relative_to(PACKAGE).with_suffix("").parts)): path
     for path in sorted(PACKAGE.rglob("*.py"))
-    if path.relative_to(PACKAGE).parts[0] not in ("conf", "controllers")
 }
 
 
 def place_of(module: str) -> str:
     """The key of a module in FLOORS: its package, or its own name where it stands at the top."""
     top = module.split(".")[1] if "." in module else ""
-    return "navbench" if top in ("", "__init__") else top
+    return "navbench" if top in ("", "__init__", "__main__") else top
 
 
 def imports_of(path: Path) -> set[str]:
@@ -65,7 +70,7 @@ def test_every_module_stands_on_a_floor() -> None:
 @pytest.mark.parametrize("module", MODULES)
 def test_an_import_only_goes_down(module: str) -> None:
     for other in own_imports(module):
-        if other != "navbench.__version__":
+        if other not in ("navbench.__version__", "navbench.conf"):
             assert FLOORS[place_of(other)] <= FLOORS[place_of(module)], f"{module} imports {other}, which stands above"
 
 
@@ -84,6 +89,12 @@ def test_a_library_stands_behind_one_door(library: str, allowed: str) -> None:
     users = {m for m, path in MODULES.items() if any(n.split(".")[0] == library for n in imports_of(path))}
     assert users
     assert all(f"{user}.".startswith(f"{allowed}.") for user in users), users
+
+
+def test_only_one_file_knows_the_engine() -> None:
+    """Not its limits, its package or its name: another simulator would have others."""
+    known = {module for module, path in MODULES.items() if "pybullet" in path.read_text().lower()}
+    assert known == {"navbench.simulation.bullet"}
 
 
 def test_the_framework_never_imports_a_controller() -> None:
@@ -110,15 +121,41 @@ def imports_of_controller(path: Path) -> set[str]:
     }
 
 
-def test_every_subpackage_is_listed_for_the_wheel() -> None:
-    listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
-    inside = {path.parent for path in PACKAGE.rglob("__init__.py") if path.parent.name not in ("conf", "controllers")}
-    inside |= {path.parent for path in (ROOT / "controllers").rglob("__init__.py")}
-    tree = {"navbench", "navbench.conf"}
-    for folder in inside:
-        parts = folder.relative_to(ROOT).parts
-        tree.add(".".join(parts if parts[0] == "navbench" else ("navbench", *parts)))
-    assert listed == tree
+def test_a_wheel_holds_the_whole_package_and_finds_its_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    wheel = zipfile.ZipFile(tmp_path / build_wheel(str(tmp_path)))
+    wheel.extractall(tmp_path / "site")
+    kept = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    files = [path for top in ("navbench", "conf", "controllers") for path in (ROOT / top).rglob("*") if path.is_file()]
+    inside = {path.relative_to(ROOT).as_posix() for path in files if "__pycache__" not in path.parts}
+    assert kept == {name if name.startswith("navbench/") else f"navbench/{name}" for name in inside}
+    found = import_in(tmp_path, "navbench.conf, navbench.controllers.aouf2019.sflc as sflc", tmp_path / "site")
+    assert found.splitlines() == [
+        f"['{tmp_path}/site/navbench']",
+        f"{tmp_path}/site/navbench/controllers/aouf2019/sflc.py",
+    ]
+
+
+def test_a_script_beside_a_clone_imports_the_package_and_not_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "navbench").symlink_to(ROOT)
+    found = import_in(tmp_path, "navbench.controllers.aouf2019.sflc as sflc")
+    assert found.splitlines() == [str([str(PACKAGE), str(ROOT)]), str(ROOT / "controllers/aouf2019/sflc.py")]
+
+
+def import_in(folder: Path, what: str, path: Path | None = None) -> str:
+    """Run a script of a folder that imports something and prints where navbench and ``sflc`` lie."""
+    script = folder / "script.py"
+    script.write_text(f"import navbench, {what}\nprint(navbench.__path__)\nprint(sflc.__file__)\n")
+    environment = {**os.environ, **({"PYTHONPATH": str(path)} if path else {})}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def test_no_file_is_a_link_which_git_would_write_as_text_on_windows() -> None:
+    tops = (path for path in ROOT.iterdir() if path.name[0] != "." and path.name != "build")
+    assert [path for top in tops for path in (top, *top.rglob("*")) if path.is_symlink()] == []
 
 
 def test_no_module_is_longer_than_400_lines() -> None:

@@ -1,4 +1,4 @@
-import copy
+import dataclasses
 import math
 import re
 import sys
@@ -13,16 +13,27 @@ from shapes import Block, Round, Shard
 
 from navbench.cli import main as cli
 from navbench.cli.configuration import compose_cell
+from navbench.cli.worlds import world_of
 from navbench.contract import Command, Observation, Setup
 from navbench.sensors import Tracker
-from navbench.validation import DescriptionError, describe
-from navbench.world.layouts import Swap, convex_corners
+from navbench.validation import DescriptionError
+from navbench.world.generators import Scattered
+from navbench.world.generators.polygons import convex_corners
+from navbench.world.generators.swap import Swap
+from navbench.world.layout import DrawnWorld, Layout, layout_of
 from navbench.world.shapes import Bounds, Mover, Polygon, check_convex
 from navbench.world.world import World
 
 ROUND = {"count": [2, 5], "radius_m": [1.0, 2.5]}
 EDGED = {**ROUND, "corners": [3, 6]}
-WANDER = {**EDGED, "radius_m": [0.5, 1.5], "speed_mps": [0.4, 2.0], "leg_m": [3.0, 20.0], "polygon_share": 0.5}
+WANDER = {
+    **EDGED,
+    "radius_m": [0.5, 1.5],
+    "speed_mps": [0.4, 2.0],
+    "leg_m": [3.0, 20.0],
+    "polygon_share": 0.5,
+    "duration_s": 90.0,
+}
 CIRCLE = {"robots": 6, "radius_m": 20.0, "spacing_m": 4.0}
 PLANE: dict[str, Any] = {
     "name": "drawn",
@@ -43,10 +54,36 @@ GAP_M = 1.5
 ALL = {"discs": ROUND, "polygons": EDGED, "movers": WANDER}
 
 
-def a_layout(layout: Mapping[str, Any], **more: Any) -> World:
-    """Return a world with this layout and, unless its robots swap, two robots' ways."""
-    ways = {} if "swap" in layout else WAYS
-    return describe(World, {**PLANE, **ways, **more, "layout": {"gap_m": GAP_M, **layout}}, "world")
+def a_layout(parts: Mapping[str, Any], **more: Any) -> World:
+    """Return a world with these parts drawn between what stands in the plane, and two robots' starts and goals."""
+    own = {key: more.pop(key, PLANE[key]) for key in ("name", "goal_tolerance_m", "time_limit_s")}
+    base = {"_target_": "navbench.world.Layout", "bounds": PLANE["bounds"], **WAYS, **more}
+    return a_source(scattered(parts, base), **own)
+
+
+def scattered(parts: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parts over a base, as a YAML file holds them."""
+    targets = {"discs": "Discs", "polygons": "Polygons", "movers": "Wander"}
+    named = {name: {"_target_": f"navbench.world.generators.{targets[name]}", **part} for name, part in parts.items()}
+    return {"_target_": "navbench.world.generators.Scattered", "gap_m": GAP_M, "base": base, "parts": named}
+
+
+def a_swap(**changes: Any) -> dict[str, Any]:
+    """Return robots that swap, as a YAML file holds them."""
+    return {"_target_": "navbench.world.generators.Swap", "bounds": PLANE["bounds"], **CIRCLE, **changes}
+
+
+def a_source(source: Mapping[str, Any], name: str = "drawn", **changes: Any) -> World:
+    """Return a world with this source."""
+    own = {key: PLANE[key] for key in ("goal_tolerance_m", "time_limit_s")}
+    return world_of({"source": source, **own, **changes}, name)[0]
+
+
+def standing_of(world: World) -> Layout:
+    """Return what a world's parts are drawn onto."""
+    assert isinstance(world.source, Scattered)
+    assert isinstance(world.source.base, Layout)
+    return world.source.base
 
 
 def around(polygon: Polygon) -> Round:
@@ -57,7 +94,7 @@ def around(polygon: Polygon) -> Round:
     return Round(centre, abs(a - centre))
 
 
-def circles_of(world: World, discs_before: int = 0, polygons_before: int = 0) -> list[Round]:
+def circles_of(world: DrawnWorld, discs_before: int = 0, polygons_before: int = 0) -> list[Round]:
     """Return the circles of what was drawn, movers left out."""
     rounds = [Round(complex(disc.x_m, disc.y_m), disc.radius_m) for disc in world.discs[discs_before:]]
     return rounds + [around(polygon) for polygon in world.polygons[polygons_before:]]
@@ -73,7 +110,7 @@ def lies_inside(bounds: Bounds, x_m: float, y_m: float, radius_m: float) -> bool
     )
 
 
-def ends_of(world: World) -> list[complex]:
+def ends_of(world: Layout) -> list[complex]:
     """Return every start and every goal."""
     starts = [complex(start.x_m, start.y_m) for start in world.starts]
     return starts + [complex(goal.x_m, goal.y_m) for goal in world.goals]
@@ -133,19 +170,25 @@ def test_every_controller_meets_the_layout_that_the_world_draws() -> None:
     assert discs[: len(drawn.discs), :3].tolist() == [[d.x_m, d.y_m, d.radius_m] for d in drawn.discs]
 
 
-def test_what_is_drawn_is_a_world_without_chance() -> None:
+def test_a_layout_draws_itself() -> None:
     drawn = a_layout(ALL).drawn_for(0, 0)
-    assert drawn.layout is None
-    assert drawn.drawn_for(1, 1) is drawn
+    assert drawn.draw(np.random.default_rng(1), 1) is drawn
+
+
+def test_a_layout_comes_back_from_its_json_to_the_last_bit() -> None:
+    for episode in range(40):
+        drawn = a_layout(ALL, **STANDING).drawn_for(0, episode)
+        own = {item.name: getattr(drawn, item.name) for item in dataclasses.fields(Layout)}
+        assert layout_of(drawn.to_json()) == Layout(**own)
 
 
 def test_what_stands_in_the_world_stays_in_front_of_what_is_drawn() -> None:
     world = a_layout(ALL, **STANDING)
-    drawn = world.drawn_for(0, 0)
-    assert drawn.boxes == world.boxes
-    assert drawn.discs[:1] == world.discs
-    assert drawn.polygons[:1] == world.polygons
-    assert (drawn.starts, drawn.goals, drawn.bounds) == (world.starts, world.goals, world.bounds)
+    drawn, base = world.drawn_for(0, 0), standing_of(world)
+    assert drawn.boxes == base.boxes
+    assert drawn.discs[:1] == base.discs
+    assert drawn.polygons[:1] == base.polygons
+    assert (drawn.starts, drawn.goals, drawn.bounds) == (base.starts, base.goals, base.bounds)
 
 
 # --- room ---
@@ -153,8 +196,9 @@ def test_what_stands_in_the_world_stays_in_front_of_what_is_drawn() -> None:
 
 def test_every_drawn_obstacle_lies_inside_with_the_gap_to_ends_to_what_stands_and_to_each_other() -> None:
     world = a_layout({"discs": ROUND, "polygons": EDGED}, **STANDING)
-    ends = ends_of(world)
-    (box,), (disc,), (polygon,) = world.boxes, world.discs, world.polygons
+    base = standing_of(world)
+    ends = ends_of(base)
+    (box,), (disc,), (polygon,) = base.boxes, base.discs, base.polygons
     turn = complex(math.cos(box.heading_rad), math.sin(box.heading_rad))
     standing: list[Round | Block | Shard] = [
         Block(complex(box.x_m, box.y_m), turn, 0.5 * box.length_m, 0.5 * box.width_m),
@@ -165,7 +209,7 @@ def test_every_drawn_obstacle_lies_inside_with_the_gap_to_ends_to_what_stands_an
     for episode in range(100):
         drawn = circles_of(world.drawn_for(1, episode), 1, 1)
         for i, (centre, radius) in enumerate(drawn):
-            assert lies_inside(world.bounds, centre.real, centre.imag, radius)
+            assert lies_inside(base.bounds, centre.real, centre.imag, radius)
             others = [other.away(centre) for other in (*standing, *drawn[:i], *drawn[i + 1 :])]
             free = min([abs(centre - end) for end in ends] + others) - radius
             assert free >= GAP_M - 1e-9
@@ -189,7 +233,7 @@ def test_counts_radii_and_corners_fill_their_spans_and_never_leave_them() -> Non
 
 def test_a_span_of_one_value_draws_this_value() -> None:
     exact = {"count": [3, 3], "radius_m": [1.25, 1.25], "corners": [4, 4]}
-    movers = {**exact, "speed_mps": [0.7, 0.7], "leg_m": [5.0, 5.0], "polygon_share": 1.0}
+    movers = {**exact, "duration_s": 90.0, "speed_mps": [0.7, 0.7], "leg_m": [5.0, 5.0], "polygon_share": 1.0}
     discs = {name: exact[name] for name in ("count", "radius_m")}
     drawn = a_layout({"discs": discs, "polygons": exact, "movers": movers}).drawn_for(0, 0)
     assert [disc.radius_m for disc in drawn.discs] == [1.25] * 3
@@ -248,25 +292,25 @@ def test_a_drawn_polygon_is_convex_lies_on_its_circle_and_holds_its_centre(corne
 
 
 @pytest.fixture(scope="module")
-def wandering() -> list[World]:
+def wandering() -> list[DrawnWorld]:
     world = a_layout({"movers": {**WANDER, "count": [1, 4]}}, **STANDING)
     return [world.drawn_for(0, episode) for episode in range(40)]
 
 
-def test_movers_stay_whole_inside_the_bounds_for_the_whole_time_limit(wandering: list[World]) -> None:
+def test_movers_stay_whole_inside_the_bounds_for_the_whole_time_limit(wandering: list[DrawnWorld]) -> None:
     for world in wandering:
         for t_s in np.linspace(0.0, world.time_limit_s, 181).tolist():
             for rows in (world.disc_rows(t_s)[1:], world.polygon_rows(t_s)[1:]):
                 assert all(lies_inside(world.bounds, x, y, radius) for x, y, radius in rows[:, :3].tolist())
 
 
-def test_movers_do_not_turn_back_on_their_way_before_the_time_limit(wandering: list[World]) -> None:
+def test_movers_do_not_turn_back_on_their_way_before_the_time_limit(wandering: list[DrawnWorld]) -> None:
     for mover in (mover for world in wandering for mover in world.movers):
         spent = [seconds for _, seconds in legs_of(mover)]
         assert sum(spent) >= 90.0 > sum(spent[:-1])
 
 
-def test_legs_and_speeds_fill_their_spans_and_legs_go_in_every_direction(wandering: list[World]) -> None:
+def test_legs_and_speeds_fill_their_spans_and_legs_go_in_every_direction(wandering: list[DrawnWorld]) -> None:
     movers = [mover for world in wandering for mover in world.movers]
     assert {len(world.movers) for world in wandering} == {1, 2, 3, 4}
     legs = [length for mover in movers for length, _ in legs_of(mover)]
@@ -281,7 +325,9 @@ def test_legs_and_speeds_fill_their_spans_and_legs_go_in_every_direction(wanderi
     assert all(len(set(mover.speeds_mps)) == len(mover.speeds_mps) for mover in movers)  # a new one with every leg
 
 
-def test_movers_begin_with_the_gap_to_starts_and_goals_and_may_stand_over_obstacles(wandering: list[World]) -> None:
+def test_movers_begin_with_the_gap_to_starts_and_goals_and_may_stand_over_obstacles(
+    wandering: list[DrawnWorld],
+) -> None:
     over, nearest = 0, math.inf
     for world in wandering:
         for mover in world.movers:
@@ -311,7 +357,7 @@ def test_the_share_of_polygons_among_movers_is_as_asked(share: float, low: float
 def test_swapping_robots_start_opposite_their_goals_on_a_circle_that_grows_with_them(
     robots: int, radius_m: float
 ) -> None:
-    world = a_layout({"swap": {**CIRCLE, "robots": robots, "radius_m": radius_m}})
+    world = a_source(a_swap(robots=robots, radius_m=radius_m))
     assert world.robots == robots
     drawn = world.drawn_for(0, 5)
     starts = [complex(start.x_m, start.y_m) for start in drawn.starts]
@@ -327,28 +373,30 @@ def test_swapping_robots_start_opposite_their_goals_on_a_circle_that_grows_with_
     assert np.abs(turns) == pytest.approx([math.tau / robots] * (robots - 1))
     assert circle * math.tau / robots >= 4.0 - 1e-9
     nearest = min(abs(a - b) for i, a in enumerate(starts) for b in starts[:i])
-    assert Swap(robots=robots, radius_m=radius_m, spacing_m=4.0).neighbours_m() == pytest.approx(nearest)
+    assert Swap(bounds=drawn.bounds, robots=robots, radius_m=radius_m, spacing_m=4.0).neighbours_m() == pytest.approx(
+        nearest
+    )
     assert all(lies_inside(drawn.bounds, end.real, end.imag, 4.0) for end in starts + goals)
     headings = [drawn.start_heading_rad(i) for i in range(robots)]
     assert headings == pytest.approx([float(np.angle(centre - start)) for start in starts])
 
 
 def test_the_bounds_grow_only_as_far_as_the_circle_and_its_spacing_need() -> None:
-    tall = a_layout({"swap": {**CIRCLE, "radius_m": 27.0}}).drawn_for(0, 0).bounds
+    tall = a_source(a_swap(radius_m=27.0)).drawn_for(0, 0).bounds
     assert (tall.x_min_m, tall.x_max_m, tall.y_min_m, tall.y_max_m) == (-30.0, 40.0, -31.0, 31.0)
-    small = a_layout({"swap": CIRCLE})
-    assert small.drawn_for(0, 0).bounds == small.bounds
+    small = a_source(a_swap()).drawn_for(0, 0).bounds
+    assert (small.x_min_m, small.x_max_m, small.y_min_m, small.y_max_m) == tuple(PLANE["bounds"].values())
 
 
 def test_the_circle_is_turned_at_random() -> None:
-    world = a_layout({"swap": CIRCLE})
+    world = a_source(a_swap())
     firsts = [world.drawn_for(0, episode).starts[0] for episode in range(60)]
     turns = np.histogram([math.atan2(first.y_m, first.x_m - 5.0) for first in firsts], 4, (-math.pi, math.pi))[0]
     assert turns.min() >= 5
 
 
 def test_obstacles_keep_the_gap_to_swapping_robots_too() -> None:
-    world = a_layout({"swap": {**CIRCLE, "robots": 12}, "discs": ROUND})
+    world = a_source(scattered({"discs": ROUND}, a_swap(robots=12)))
     for episode in range(20):
         drawn = world.drawn_for(0, episode)
         ends = ends_of(drawn)
@@ -358,7 +406,7 @@ def test_obstacles_keep_the_gap_to_swapping_robots_too() -> None:
 
 
 def test_a_hundred_swapping_robots_drive() -> None:
-    words = ("world=swap_circle", "world.layout.swap.robots=100", "controller=go_to_goal", "world.time_limit_s=2.0")
+    words = ("world=swap_circle", "world.source.robots=100", "controller=go_to_goal", "world.time_limit_s=2.0")
     cell = compose_cell(*words)
     with cell.runner() as runner:
         records = runner.run(0)
@@ -383,35 +431,51 @@ LATE = square((0.9, 0.0), (0.0, 1.01), (-0.9, 0.0))
 ASIDE = square((0.2, 0.2), (0.6, 0.2), (0.2, 0.6))
 MOVING = {"radius_m": 1.0, "waypoints": square((0.0, 0.0), (9.0, 0.0)), "speeds_mps": [1.0]}
 
+WRONG_PARTS: list[tuple[dict[str, Any], list[str]]] = [
+    (
+        {"discs": {**ROUND, "radius_m": [2.0, 1.0]}},
+        ["discs.radius_m", "[2.0, 1.0]", "must not be above the second"],
+    ),
+    ({"polygons": {**EDGED, "corners": [6, 3]}}, ["polygons.corners", "[6, 3]"]),
+    ({"movers": {**WANDER, "speed_mps": [2.0, 1.0]}}, ["movers.speed_mps", "[2.0, 1.0]"]),
+    ({"discs": {**ROUND, "count": [0, 0]}}, ["discs.count[1]=0", "or equal to 1"]),
+    ({"discs": {**ROUND, "count": [-1, 2]}}, ["discs.count[0]=-1", "or equal to 0"]),
+    ({"movers": {**WANDER, "count": [1, 1001]}}, ["movers.count[1]=1001", "less than or equal to 1000"]),
+    ({"polygons": {**EDGED, "corners": [3, 101]}}, ["polygons.corners[1]=101", "less than or equal to 100"]),
+    ({"discs": {**ROUND, "count": [1.0, 2.5]}}, ["discs.count", "integer"]),
+    ({"discs": {**ROUND, "radius_m": [0.0, 1.0]}}, ["discs.radius_m[0]=0.0", "equal to 0.000001"]),
+    ({"polygons": {**EDGED, "radius_m": [1e-17, 1.0]}}, ["polygons.radius_m[0]=1e-17", "equal to 0.000001"]),
+    ({"polygons": {**EDGED, "corners": [2, 4]}}, ["polygons.corners[0]=2", "greater than or equal to 3"]),
+    ({"movers": {**WANDER, "polygon_share": 1.5}}, ["movers.polygon_share=1.5", "equal to 1"]),
+    ({"movers": {**WANDER, "leg_m": [1e-6, 1e-6]}}, ["movers.leg_m: [1e-06, 1e-06]", "more than 100000 legs"]),
+    ({"discs": {**ROUND, "radii_m": 1.0}}, ["discs.radii_m: unknown key", "count, radius_m"]),
+]
+
+
+@pytest.mark.parametrize(("parts", "words"), WRONG_PARTS)
+def test_an_error_in_a_part_names_its_key_its_value_and_what_is_allowed(
+    parts: dict[str, Any], words: list[str]
+) -> None:
+    with pytest.raises(DescriptionError) as caught:
+        a_layout(parts)
+    said = str(caught.value)
+    assert said.startswith(f"world.source.parts.{words[0]}")
+    assert "\n" not in said
+    for word in words:
+        assert word in said, said
+
+
 WRONG_VALUES: list[tuple[dict[str, Any], list[str]]] = [
-    ({"layout": {"discs": {**ROUND, "radius_m": [2.0, 1.0]}}},
-     ["world.layout.discs.radius_m", "[2.0, 1.0]", "first must not be above the second"]),
-    ({"layout": {"polygons": {**EDGED, "corners": [6, 3]}}}, ["world.layout.polygons.corners", "[6, 3]"]),
-    ({"layout": {"movers": {**WANDER, "speed_mps": [2.0, 1.0]}}}, ["world.layout.movers.speed_mps", "[2.0, 1.0]"]),
-    ({"layout": {"discs": {**ROUND, "count": [0, 0]}}}, ["world.layout.discs.count[1]=0", "or equal to 1"]),
-    ({"layout": {"discs": {**ROUND, "count": [-1, 2]}}}, ["world.layout.discs.count[0]=-1", "or equal to 0"]),
-    ({"layout": {"movers": {**WANDER, "count": [1, 1001]}}},
-     ["world.layout.movers.count[1]=1001", "less than or equal to 1000"]),
-    ({"layout": {"polygons": {**EDGED, "corners": [3, 101]}}},
-     ["world.layout.polygons.corners[1]=101", "less than or equal to 100"]),
-    ({"layout": {"discs": {**ROUND, "count": [1.0, 2.5]}}}, ["world.layout.discs.count", "integer"]),
-    ({"layout": {"discs": {**ROUND, "radius_m": [0.0, 1.0]}}},
-     ["world.layout.discs.radius_m[0]=0.0", "equal to 0.000001"]),
-    ({"layout": {"polygons": {**EDGED, "radius_m": [1e-17, 1.0]}}},
-     ["world.layout.polygons.radius_m[0]=1e-17", "equal to 0.000001"]),
-    ({"layout": {"polygons": {**EDGED, "corners": [2, 4]}}},
-     ["world.layout.polygons.corners[0]=2", "greater than or equal to 3"]),
-    ({"layout": {"movers": {**WANDER, "polygon_share": 1.5}}}, ["world.layout.movers.polygon_share=1.5", "equal to 1"]),
-    ({"layout": {"discs": {**ROUND, "radii_m": 1.0}}},
-     ["world.layout.discs.radii_m", "unknown key", "count, radius_m"]),
-    ({"layout": {"gap_m": 0.0, "discs": ROUND}}, ["world.layout.gap_m=0.0", "than 0"]),
-    ({"layout": {}}, ["world.layout: ", "at least one of discs, polygons, movers, swap"]),
-    ({"layout": {"swap": {**CIRCLE, "robots": 0}}}, ["world.layout.swap.robots=0", "greater than or equal to 2"]),
-    ({"layout": {"swap": {**CIRCLE, "robots": 1}}}, ["world.layout.swap.robots=1", "greater than or equal to 2"]),
-    ({"layout": {"swap": {**CIRCLE, "robots": 1001}}}, ["world.layout.swap.robots=1001", "or equal to 1000"]),
-    ({"layout": {"swap": CIRCLE}, "starts": WAYS["starts"], "goals": []}, ["world.starts: must be empty"]),
-    ({"layout": {"swap": CIRCLE}, "starts": [], "goals": WAYS["goals"]}, ["must be empty", "goals too"]),
-    ({"layout": {"discs": ROUND}, "starts": [], "goals": []}, ["world.goals: ", "at least one", "for 0 starts"]),
+    ({"source": a_swap(robots=1)}, ["world.source.robots=1", "greater than or equal to 2"]),
+    ({"source": a_swap(robots=1001)}, ["world.source.robots=1001", "or equal to 1000"]),
+    ({"source": a_swap(), "starts": WAYS["starts"]}, ["world.starts: must be empty", "world.source draws"]),
+    ({"source": {"robots": 3}}, ["world.source._target_: missing", "draw(rng, episode)"]),
+    ({"source": {"_target_": "math.tau"}}, ["world.source._target_=math.tau: ", "draw(rng, episode)"]),
+    ({"source": {"_target_": "navbench.world.Disc", "x_m": 1.0}}, ["world.source._target_=navbench.world.Disc: "]),
+    ({"source": {"_target_": "no_such.Thing"}}, ["world.source._target_=no_such.Thing: cannot be imported"]),
+    ({"source": {**scattered({}, a_swap()), "gap_m": 0.0}}, ["world.source.gap_m=0.0", "than 0"]),
+    ({"source": scattered({}, WAYS)}, ["world.source.base=", "must be an instance of Source"]),
+    ({"starts": [], "goals": []}, ["world.goals: ", "at least one", "for 0 starts"]),
     ({"polygons": [{"corners": DART}]}, ["world.polygons[0].corners: ", "convex"]),
     ({"polygons": [{"corners": STAR}]}, ["world.polygons[0].corners: ", "convex"]),
     ({"polygons": [{"corners": LINE}]}, ["world.polygons[0].corners: ", "convex"]),
@@ -429,17 +493,19 @@ WRONG_VALUES: list[tuple[dict[str, Any], list[str]]] = [
 ]  # fmt: skip
 
 
+def a_world_of(changes: Mapping[str, Any]) -> World:
+    """Return a world that lists these things, or has a source."""
+    drawn = () if "source" in changes else ("bounds",)
+    own = {key: PLANE[key] for key in (*drawn, "goal_tolerance_m", "time_limit_s")}
+    return world_of({**own, **(WAYS if drawn else {}), **changes}, "drawn")[0]
+
+
 @pytest.mark.parametrize(("changes", "words"), WRONG_VALUES)
-def test_an_error_in_what_is_drawn_names_its_key_its_value_and_what_is_allowed(
+def test_an_error_in_a_world_names_its_key_its_value_and_what_is_allowed(
     changes: dict[str, Any], words: list[str]
 ) -> None:
-    values = copy.deepcopy({**PLANE, **WAYS, **changes})
-    if "layout" in values:
-        values["layout"] = {"gap_m": GAP_M, **values["layout"]}
-        if "swap" in values["layout"]:
-            values = {key: value for key, value in values.items() if key in changes or key not in WAYS}
     with pytest.raises(DescriptionError) as caught:
-        describe(World, values, "world")
+        a_world_of(changes)
     said = str(caught.value)
     assert "\n" not in said
     for word in words:
@@ -449,44 +515,32 @@ def test_an_error_in_what_is_drawn_names_its_key_its_value_and_what_is_allowed(
 def test_a_clockwise_polygon_is_as_good_as_the_other_way_round() -> None:
     turned = {"polygons": [{"corners": STANDING["polygons"][0]["corners"][::-1]}]}
     here, there = (
-        describe(World, {**PLANE, **WAYS, **more}, "world").polygon_rows()
-        for more in (turned, {"polygons": STANDING["polygons"]})
+        a_world_of(more).drawn_for(0, 0).polygon_rows() for more in (turned, {"polygons": STANDING["polygons"]})
     )
     assert {tuple(c) for c in here[0, 5:].reshape(-1, 2)} == {tuple(c) for c in there[0, 5:].reshape(-1, 2)}
 
 
 @pytest.mark.parametrize(
-    ("layout", "more", "words"),
+    ("parts", "words"),
     [
-        ({"discs": {"count": [30, 30], "radius_m": [6.0, 6.0]}}, {}, ["world.layout.discs: no room", "gap_m=1.5"]),
-        ({"polygons": {**EDGED, "radius_m": [30.0, 30.0]}}, {}, ["world.layout.polygons: no room", "gap_m=1.5"]),
-        ({"movers": {**WANDER, "radius_m": [26.0, 26.0]}}, {}, ["world.layout.movers: no room", "gap_m=1.5"]),
         (
-            {"movers": {**WANDER, "leg_m": [99.0, 120.0]}},
-            {},
-            ["world.layout.movers.leg_m=[99.0, 120.0]", "no leg fits"],
+            {"discs": {"count": [30, 30], "radius_m": [6.0, 6.0]}},
+            ["no room for discs of radius 6 m", "; 97 % of"],
         ),
-        (
-            {"movers": {**WANDER, "leg_m": [1e-6, 1e-6]}},
-            {},
-            ["world.layout.movers.leg_m=[1e-06, 1e-06]", "a mover has more than 100000 legs"],
-        ),
-        (
-            {"swap": CIRCLE},
-            {"discs": [{"x_m": 5.0, "y_m": 0.0, "radius_m": 22.0}]},
-            ["world.layout.swap: drew goals[0]: ", "outside every obstacle"],
-        ),
+        ({"polygons": {**EDGED, "radius_m": [30.0, 30.0]}}, ["no room for polygons of radius 30 m"]),
+        ({"movers": {**WANDER, "radius_m": [26.0, 26.0]}}, ["no room for movers of radius 26 m", "gap_m=1.5"]),
+        ({"movers": {**WANDER, "leg_m": [99.0, 120.0]}}, ["no leg of a mover with leg_m=[99.0, 120.0] fits"]),
     ],
 )
-def test_what_cannot_be_drawn_is_refused_in_one_line(
-    layout: dict[str, Any], more: dict[str, Any], words: list[str]
+def test_what_finds_no_room_in_a_hundred_draws_says_where_and_how_dense_it_is(
+    parts: dict[str, Any], words: list[str]
 ) -> None:
     with pytest.raises(DescriptionError) as caught:
-        a_layout(layout, **more).drawn_for(0, 0)
+        a_layout(parts).drawn_for(3, 7)
     said = str(caught.value)
     assert "\n" not in said
-    for word in words:
-        assert word in said, said
+    for word in ("world=drawn, seed=3, episode=7: ", "of the free area is asked for; tried 100 times", *words):
+        assert word in said.replace("97%", "97 %"), said
 
 
 MOVERS, SWAP = ("controller=go_to_goal", "world=random_movers"), ("controller=go_to_goal", "world=swap_circle")
@@ -496,19 +550,17 @@ TRIANGLE = "[{x_m: 45, y_m: 45}, {x_m: 55, y_m: 45}, {x_m: %d, y_m: 55}]"
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((*MOVERS, "world.layout.discs.count=[3,1]"), "world.layout.discs.count: the first must not be above"),
-        ((*MOVERS, "world.layout.discs.radius_m=[60.0,60.0]"), "world.layout.discs: no room within the bounds"),
-        ((*MOVERS, "world.layout.movers.leg_m=[300.0,400.0]"), "world.layout.movers.leg_m=[300.0, 400.0]: no leg fits"),
-        ((*MOVERS, "robot.radius_m=9.0"), "world.layout.gap_m=9.0: must be more than the robot's radius 9.0 m"),
-        ((*MOVERS, f"world.polygons=[{{corners: {TRIANGLE % 120}}}]"), "world.polygons[0]: must lie inside the bounds"),
-        ((*MOVERS, "world.polygons=[{corners: [{x_m: 0, y_m: 0}]}]"), "world.polygons[0].corners: at least 3"),
-        ((*MOVERS, f"world.movers=[{{radius_m: 3, waypoints: [{{x_m: 9, y_m: 9}}, {{x_m: 30, y_m: 9}}], "
-          f"speeds_mps: [1], outline: {TRIANGLE % 50}}}]"), "world.movers[0].outline: must lie within the radius, 3.0"),
-        ((*SWAP, "world.layout.swap.robots=0"), "world.layout.swap.robots=0: must be greater than or equal to 2"),
-        ((*SWAP, "world.layout.swap.robots=100", "world.layout.swap.spacing_m=2.0"), "swap.spacing_m=2.0: "),
-        ((*SWAP, "world.layout.swap=null"), "world.layout: must draw at least one of discs, polygons, movers, swap"),
-        ((*SWAP, "world.starts=[{x_m: 9, y_m: 9}]"), "world.starts: must be empty where layout.swap draws them"),
-        ((*SWAP, "world.discs=[{x_m: 50, y_m: 50, radius_m: 46}]"), "world.layout.swap: drew goals[0]: "),
+        ((*MOVERS, "world.source.parts.discs.count=[3,1]"), "parts.discs.count: the first must not be above"),
+        ((*MOVERS, "robot.radius_m=9.0"), "world.source.gap_m=9.0: must be more than the robot's radius 9.0 m"),
+        ((*MOVERS, "world.discs=[{x_m: 9, y_m: 9, radius_m: 1}]"), "world.discs: must be empty, because world.source"),
+        (("controller=go_to_goal", "world=empty_100", f"world.polygons=[{{corners: {TRIANGLE % 120}}}]"),
+         "world.polygons[0]: must lie inside the bounds"),
+        (("controller=go_to_goal", "world=empty_100", f"world.movers=[{{radius_m: 3, waypoints: [{{x_m: 9, y_m: 9}}, "
+          f"{{x_m: 30, y_m: 9}}], speeds_mps: [1], outline: {TRIANGLE % 50}}}]"),
+         "world.movers[0].outline: must lie within the radius, 3.0"),
+        ((*SWAP, "world.source.robots=0"), "world.source.robots=0: must be greater than or equal to 2"),
+        ((*SWAP, "world.source.robots=100", "world.source.spacing_m=2.0"), "world.source.spacing_m=2.0: "),
+        ((*SWAP, "world.source=null"), "world.bounds: missing; a value is needed"),
     ],
 )  # fmt: skip
 def test_the_command_line_refuses_it_in_one_line_with_exit_code_2(

@@ -146,7 +146,7 @@ def test_without_velocity_awareness_the_robots_notice_each_other_later() -> None
 
 @pytest.mark.parametrize("count", [3, 4, 6])
 def test_the_circles_lead_each_robot_across_the_middle(count: int) -> None:
-    world = compose_cell("controller=dual_layer", f"world=lei_circle{count}").world
+    world = compose_cell("controller=dual_layer", f"world=lei_circle{count}").world.drawn_for(0, 0)
     for i, (start, goal) in enumerate(zip(world.starts, world.goals, strict=True)):
         turn = 2.0 * math.pi * i / count
         assert (start.x_m, start.y_m) == pytest.approx((2.0 * math.cos(turn), 2.0 * math.sin(turn)), abs=1e-6)
@@ -154,5 +154,5 @@ def test_the_circles_lead_each_robot_across_the_middle(count: int) -> None:
 
 
 def test_the_gate_is_as_wide_as_its_name_says() -> None:
-    one, other = compose_cell("controller=dual_layer", "world=lei_gate").world.discs
+    one, other = compose_cell("controller=dual_layer", "world=lei_gate").world.drawn_for(0, 0).discs
     assert abs(one.y_m - other.y_m) - one.radius_m - other.radius_m == pytest.approx(0.9)

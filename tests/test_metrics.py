@@ -8,8 +8,8 @@ from scenes import BLOCK, STAND, Scripted, a_robot, a_world, always, run, run_on
 
 from navbench.contract import Command
 from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
+from navbench.world.layout import Start
 from navbench.world.shapes import Disc, Point, Wall
-from navbench.world.world import Start
 
 WALL = Wall(x1_m=5.1, y1_m=-50.0, x2_m=5.1, y2_m=50.0, thickness_m=0.1)  # its face stands at 5.05
 

@@ -146,7 +146,7 @@ def test_a_round_obstacle_is_circled_for_ever_unless_walls_may_be_left() -> None
 
 
 def test_the_wall_stands_on_its_curve_and_passes_the_start_within_the_band() -> None:
-    world = cell("wall").world
+    world = cell("wall").world.drawn_for(0, 0)
     boxes, discs, polygons = world.box_rows(), world.disc_rows(), world.polygon_rows()
 
     def surface_x_m(y_m: float) -> float:
@@ -174,6 +174,7 @@ def test_the_wall_stands_on_its_curve_and_passes_the_start_within_the_band() -> 
 def test_starts_and_goals_are_the_printed_ones(
     world: str, start: tuple[float, float], goal: tuple[float, float] | None
 ) -> None:
-    (begin,), (end,) = cell(world).world.starts, cell(world).world.goals
+    drawn = cell(world).world.drawn_for(0, 0)
+    (begin,), (end,) = drawn.starts, drawn.goals
     assert (begin.x_m, begin.y_m) == start
     assert goal is None or (end.x_m, end.y_m) == goal

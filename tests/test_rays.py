@@ -11,11 +11,11 @@ from shapes import assert_readings_are_analytic, clutter, shapes_of
 
 from navbench.contract import Pose
 from navbench.sensors import RAYS_MAX, Mount, Sensors
-from navbench.simulation import bullet as simulator_module
-from navbench.simulation.bullet import Simulator
+from navbench.simulation import base as simulator_module
+from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import DrawnWorld, Start
 from navbench.world.shapes import Box, Disc, Point, Polygon, Wall
-from navbench.world.world import Start, World
 
 # --- rays ---
 
@@ -57,8 +57,8 @@ def test_readings_stay_analytic_while_robots_and_movers_drive_hit_arrive_and_are
                     simulator.command(i, v, w)
                 contacts += len(simulator.advance(0.4 * k, 0.4)) + sum(simulator.touching)
                 poses = [pose_of(simulator, i) for i in range(4)]
-                for i, row in enumerate(simulator.rows()):
-                    if row[11] and k % 3 == 0:  # the check takes much longer than the drive
+                for i, state in enumerate(simulator.states()):
+                    if state.running and k % 3 == 0:  # the check takes much longer than the drive
                         shapes = shapes_of(world, radius_m, poses, 0.4 * (k + 1), but=i)
                         got = simulator.ranges()[i]
                         compared += len(assert_readings_are_analytic(got, sensors, poses[i], radius_m, shapes))
@@ -195,13 +195,12 @@ def test_a_free_ring_reads_its_largest_range_and_not_a_hair_more() -> None:
 
 def cautious(simulator: Simulator) -> Simulator:
     """Make a simulator ask PyBullet for every ray."""
-    rays = simulator._rays
+    rays = simulator.rays
 
-    def all_of_them(robots: NDArray[np.void], *_: object) -> list[int]:
-        count, n = len(rays.begins), len(robots)
-        return [n + 1 + count * i for i in range(n + 1)] + list(range(count)) * n
+    def all_of_them(robots: NDArray[np.void], *_: object) -> list[list[int]]:
+        return [list(range(len(rays.table)))] * len(robots)
 
-    rays.decisive = all_of_them  # type: ignore[method-assign,assignment]
+    rays.deciding = all_of_them  # type: ignore[method-assign,assignment]
     return simulator
 
 
@@ -211,7 +210,7 @@ def cautious(simulator: Simulator) -> Simulator:
 def test_asking_pybullet_only_for_what_decides_changes_nothing(
     cone: dict[str, Any], radius_m: float, on_collision: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def history(world: World, always: bool, seed: int) -> list[object]:
+    def history(world: DrawnWorld, always: bool, seed: int) -> list[object]:
         monkeypatch.setattr(simulator_module, "CONTACT_MARGIN_RADII", 1e9 if always else 0.05)
         rng = np.random.default_rng(seed)
         kept: list[object] = []
@@ -221,12 +220,14 @@ def test_asking_pybullet_only_for_what_decides_changes_nothing(
             if always:
                 cautious(s)
             for k in range(40):
-                rows = s.rows()
+                states = s.states()
                 ranges = s.ranges().tolist()
-                kept.append([(i, ranges[i]) for i, row in enumerate(rows) if row[11]])
-                for i in range(len(rows)):
+                kept.append([(i, ranges[i]) for i, state in enumerate(states) if state.running])
+                for i in range(len(states)):
                     s.command(i, rng.uniform(-0.5, 1.0) * radius_m, rng.uniform(-2.0, 2.0))
-                kept.append([s.advance(0.3 * k, 0.3), s.touching, s.contacts, [row[:3] for row in s.rows()]])
+                kept.append(
+                    [s.advance(0.3 * k, 0.3), s.touching, s.contacts, [pose_of(s, i) for i in range(len(states))]]
+                )
                 if not s.running:
                     break
         return kept
@@ -262,9 +263,7 @@ def test_of_a_cones_rays_only_those_that_may_be_the_shortest_are_asked_for() -> 
     for name, changes in scenes.items():
         with a_simulator(a_world(**changes), a_robot(), eye) as simulator:
             scene = simulator.scene
-            begin, end, *rays = simulator._rays.decisive(simulator.robots, scene.boxes, scene.discs, scene.polygons)
-            assert (begin, end) == (2, 2 + len(rays))
-            asked[name] = rays
+            (asked[name],) = simulator.rays.deciding(simulator.robots, scene.boxes, scene.discs, scene.polygons)
     assert asked == {
         "wall": [2],
         "wall aslant": [4],
@@ -286,7 +285,7 @@ AHEAD = Sensors(
 )
 
 
-def two_robots(second_x_m: float, **changes: object) -> World:
+def two_robots(second_x_m: float, **changes: object) -> DrawnWorld:
     """Return a robot at the origin and one ahead of it, both looking ahead."""
     starts = (Start(x_m=0.0, y_m=0.0, heading_rad=0.0), Start(x_m=second_x_m, y_m=0.0, heading_rad=0.0))
     return a_world(starts=starts, **changes)

@@ -20,7 +20,7 @@ from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.controllers.zhao2018.sections import rules_compared
 from navbench.experiments.engines import in_processes
 from navbench.experiments.store import Results
-from navbench.records import RobotRecord, StudyCell
+from navbench.records import CellKey, RobotRecord
 from navbench.report import latex, markdown
 from navbench.report.claims import findings, printed_table
 from navbench.report.comparison import comparison
@@ -239,7 +239,7 @@ def a_crossing(periods: int) -> Fleet:
 def smoke(path: Path) -> StoredResults:
     """Return a small study with everything that the sections ask for."""
     rng = np.random.default_rng(3)
-    cells: list[tuple[StudyCell, Sequence[RobotRecord | Fleet]]] = []
+    cells: list[tuple[CellKey, Sequence[RobotRecord | Fleet]]] = []
     for world in WORLDS.values():
         cells.append((a_cell("F", world), [a_record(time_s=10.0)]))
         cells += [

@@ -14,8 +14,8 @@ from navbench.episode.similarity import Native, Similarity, accel_max_mps2, nati
 from navbench.records import RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Mount, Odometry, Sensors, Tracker
+from navbench.world.layout import DrawnWorld, FinishLine, Start
 from navbench.world.shapes import Bounds, Box, Disc, Point, Wall
-from navbench.world.world import FinishLine, Start, World
 
 KHEPERA = Robot(radius_m=0.065, track_m=0.0885, wheel_speed_max_mps=0.3333)
 DISC = Robot(radius_m=4.0, track_m=7.0, wheel_speed_max_mps=4.0, wheel_accel_max_mps2=10.0)
@@ -173,7 +173,7 @@ def react(seen: Observation) -> Command:
     return Command(0.7 - 0.04 * float(near[0]) + 0.05 * seen.v_mps, w)
 
 
-def the_course(length: float, time: float, **changes: Any) -> World:
+def the_course(length: float, time: float, **changes: Any) -> DrawnWorld:
     """Return one course for two robots, all its lengths and times multiplied."""
     mover = to_and_fro(
         (3.0 * length, 2.0 * length), (3.0 * length, -2.0 * length),

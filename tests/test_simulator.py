@@ -6,18 +6,32 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, to_and_fro
+from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, reset, to_and_fro
 from shapes import Round, assert_readings_are_analytic, clearance, clutter, shapes_of
 
 from navbench.contract import Pose
 from navbench.mathematics.kinematics import advance_arc
-from navbench.simulation import bullet as simulator_module
+from navbench.records import Thing
+from navbench.simulation import base as simulator_module
+from navbench.simulation.base import Simulator
 from navbench.simulation.motion import move
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import Start
 from navbench.world.shapes import Box, Disc, Wall
-from navbench.world.world import Start
 
 CONTACT_HAIR_RADII = 1.1e-4  # PyBullet rounds a box's corners by its margin of 0.001 units: (sqrt(2) - 1) * 0.001 / 4
+
+
+def wheels_of(simulator: Simulator) -> tuple[float, float]:
+    """Return the speeds of a robot's wheels."""
+    state = simulator.states()[0]
+    return state.left_mps, state.right_mps
+
+
+def travelled(simulator: Simulator) -> tuple[float, float]:
+    """Return how far a robot has driven and turned."""
+    state = simulator.states()[0]
+    return state.path_length_m, state.turning_rad
 
 
 # --- contacts ---
@@ -46,7 +60,7 @@ def test_contact_is_decided_as_the_analytic_clearance_says(radius_m: float) -> N
                         inside = middle
                 place = inside + radius_m * 10.0 ** rng.uniform(-6.0, -0.5) * np.exp(1j * rng.uniform(-4.0, 4.0))
                 gap = clearance(shapes, complex(place), radius_m) / radius_m
-                simulator.reset(simulator.scene, [Pose(place.real, place.imag, rng.uniform(-3.0, 3.0)), other])
+                reset(simulator, simulator.scene.layout, [Pose(place.real, place.imag, rng.uniform(-3.0, 3.0)), other])
                 hit = any(event.robot_index == 0 for event in simulator.advance(0.0, 1e-12))
                 touched += hit
                 free += not hit
@@ -70,11 +84,11 @@ def test_contacts_are_right_beside_things_that_are_huge_or_tiny(radius_m: float)
     for thing in things:
         with a_simulator(a_world(starts=start, **thing), a_robot(radius_m)) as simulator:
             for gap, expected in ((hair, 0), (-hair, 1), (-0.2 * radius_m, 1)):
-                simulator.reset(simulator.scene, [Pose(0.0, small + radius_m + gap, 0.0)])
+                reset(simulator, simulator.scene.layout, [Pose(0.0, small + radius_m + gap, 0.0)])
                 assert len(simulator.advance(0.0, 1e-12)) == expected
 
 
-def test_the_reason_names_what_was_hit() -> None:
+def test_an_end_by_contact_names_what_was_hit() -> None:
     world = a_world(
         boxes=(Box(x_m=9.0, y_m=9.0, length_m=1.0, width_m=1.0), Box(x_m=2.0, y_m=0.0, length_m=1.0, width_m=1.0)),
         walls=(Wall(x1_m=-3.0, y1_m=1.5, x2_m=-3.0, y2_m=4.5, thickness_m=0.1),),
@@ -84,9 +98,9 @@ def test_the_reason_names_what_was_hit() -> None:
     places = {"box 1": (1.0, 0.0), "wall 0": (-2.5, 3.0), "disc 0": (0.0, -1.5), "mover 0": (-8.0, -9.0)}
     with a_simulator(world, a_robot()) as simulator:
         for name, (x, y) in places.items():
-            simulator.reset(simulator.scene, [Pose(x, y, 0.0)])
+            reset(simulator, simulator.scene.layout, [Pose(x, y, 0.0)])
             (event,) = simulator.advance(3.0, 0.1)
-            assert (event.outcome, event.reason) == ("collided", f"hit {name}")
+            assert (event.outcome, str(event.hit)) == ("collided", name)
             assert event.t_s == pytest.approx(3.1)
 
 
@@ -124,7 +138,7 @@ def test_a_fast_tiny_mover_does_not_pass_a_standing_robot_unnoticed(radius_m: fl
         with a_simulator(a_world(movers=(mover,)), a_robot(radius_m)) as simulator:
             (event,) = drive(simulator, [(0.0, 0.0)], 2.0)
             touch_s = (far - math.sqrt((radius_m + small) ** 2 - aside**2)) / speed
-            assert event.reason == "hit mover 0"
+            assert event.hit == Thing("mover", 0)
             assert -1e-3 <= (event.t_s - touch_s) * speed / radius_m <= 0.2501
 
 
@@ -135,7 +149,7 @@ def test_two_fast_robots_do_not_pass_through_each_other() -> None:
         starts = (Start(x_m=0.0, y_m=0.0, heading_rad=0.0), Start(x_m=gap, y_m=0.0, heading_rad=math.pi))
         with a_simulator(a_world(starts=starts), a_robot(speed_mps=20.0)) as simulator:
             events = drive(simulator, [(20.0, 0.0)], 2.0)
-            assert [event.reason for event in events] == ["hit robot 1", "hit robot 0"]
+            assert [str(event.hit) for event in events] == ["robot 1", "robot 0"]
             assert 0.0 <= events[0].t_s - (gap - 2.0) / 40.0 <= 0.2501 / 20.0
 
 
@@ -161,16 +175,16 @@ def test_no_robot_moves_further_than_a_quarter_of_its_radius_in_a_substep(
     with a_simulator(a_world(), a_robot(0.5, 10.0, accel_mps2), options=options) as simulator:
         lengths = lengths_of_substeps(monkeypatch)
         for k in range(60):
-            before = simulator.rows()[0]
+            before = simulator.states()[0]
             simulator.command(0, rng.choice([0.0, 0.1, 9.0, -9.0]), rng.uniform(-20.0, 20.0))
             lengths.clear()
             simulator.advance(0.5 * k, 0.5)
-            after = simulator.rows()[0]
-            mean_speed = (after[9] - before[9]) / 0.5
+            after = simulator.states()[0]
+            mean_speed = (after.path_length_m - before.path_length_m) / 0.5
             assert sum(lengths) == pytest.approx(0.5)
             assert mean_speed * max(lengths) <= 0.125 * (1.0 + 1e-6)
             if accel_mps2 is not None or options.motor_lag_s:
-                fastest = max(abs(row[3] + row[4]) / 2.0 for row in (before, after))
+                fastest = max(abs(row.left_mps + row.right_mps) / 2.0 for row in (before, after))
                 assert fastest * max(lengths) <= 0.125 * (1.0 + 1e-6)
 
 
@@ -233,7 +247,7 @@ def test_the_ideal_drive_clips_each_wheel_on_its_own() -> None:
     for (v, w), (left, right) in cases.items():
         with a_simulator(a_world(), robot) as simulator:
             drive(simulator, [(v, w)], 0.3)
-            assert simulator.rows()[0][3:5] == pytest.approx((left, right))
+            assert wheels_of(simulator) == pytest.approx((left, right))
             expected = advance_arc(0.0, 0.0, 0.0, 0.5 * (left + right), (right - left) / robot.track_m, 0.3)
             assert pose_of(simulator) == pytest.approx(expected, abs=1e-12)
 
@@ -245,7 +259,7 @@ def test_the_ideal_drive_follows_the_closed_form_arc_for_10_s_whatever_the_subst
             x, y, heading = advance_arc(0.0, 0.0, 0.0, speed, 0.1 * speed, 10.0)
             assert pose_of(simulator)[:2] == pytest.approx((x, y), abs=1e-9)
             assert math.remainder(pose_of(simulator).heading_rad - heading, 2.0 * math.pi) == pytest.approx(0, abs=1e-9)
-            assert simulator.rows()[0][9:11] == pytest.approx((10.0 * speed, speed), rel=1e-12)
+            assert travelled(simulator) == pytest.approx((10.0 * speed, speed), rel=1e-12)
 
 
 def test_no_wheel_accelerates_beyond_the_limit() -> None:
@@ -255,7 +269,7 @@ def test_no_wheel_accelerates_beyond_the_limit() -> None:
         for k in range(200):
             simulator.command(0, rng.uniform(-2.0, 2.0), rng.uniform(-2.0, 2.0))
             simulator.advance(0.2 * k, 0.2)
-            after = np.array(simulator.rows()[0][3:5])
+            after = np.array(wheels_of(simulator))
             change = np.abs(after - before).max()
             limited += change > 0.299
             assert change <= 0.3 + 1e-12
@@ -269,7 +283,7 @@ def test_a_robot_starts_as_the_closed_form_of_constant_acceleration_says(period_
         drive(simulator, [(1.5, 0.0)] * round(4.0 / period_s), period_s)
         ramp_s = 1.5 / 0.8
         assert pose_of(simulator).x_m == pytest.approx(0.5 * 0.8 * ramp_s**2 + 1.5 * (4.0 - ramp_s), abs=1e-9)
-        assert simulator.rows()[0][3:5] == pytest.approx((1.5, 1.5))
+        assert wheels_of(simulator) == pytest.approx((1.5, 1.5))
 
 
 @pytest.mark.parametrize("period_s", [0.05, 0.5, 2.0])
@@ -279,22 +293,22 @@ def test_a_turn_under_the_acceleration_limit_follows_fine_integration(period_s: 
     robot = a_robot(radius, 1.0, accel)
     with a_simulator(a_world(), robot) as simulator:
         for k in range(10):
-            row = simulator.rows()[0]
+            row = simulator.states()[0]
             targets = rng.uniform(-1.0, 1.0, 2)
             times = (np.arange(n) + 0.5) * period_s / n
             wheels = [
                 now + np.sign(target - now) * np.minimum(accel * times, abs(target - now))
-                for now, target in zip(row[3:5], targets, strict=True)
+                for now, target in zip((row.left_mps, row.right_mps), targets, strict=True)
             ]
             turning = (wheels[1] - wheels[0]) / robot.track_m
-            headings = row[2] + (np.cumsum(turning) - 0.5 * turning) * period_s / n
-            x = row[0] + float((0.5 * (wheels[0] + wheels[1]) * np.cos(headings)).mean()) * period_s
-            y = row[1] + float((0.5 * (wheels[0] + wheels[1]) * np.sin(headings)).mean()) * period_s
+            headings = row.heading_rad + (np.cumsum(turning) - 0.5 * turning) * period_s / n
+            x = row.x_m + float((0.5 * (wheels[0] + wheels[1]) * np.cos(headings)).mean()) * period_s
+            y = row.y_m + float((0.5 * (wheels[0] + wheels[1]) * np.sin(headings)).mean()) * period_s
             simulator.command(0, 0.5 * targets.sum(), (targets[1] - targets[0]) / robot.track_m)
             simulator.advance(k * period_s, period_s)
             pose = pose_of(simulator)
             assert math.hypot(pose.x_m - x, pose.y_m - y) < 1e-2 * radius
-            turned = pose.heading_rad - row[2] - float(turning.mean()) * period_s
+            turned = pose.heading_rad - row.heading_rad - float(turning.mean()) * period_s
             assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -307,7 +321,7 @@ def test_the_motor_lag_is_a_first_order_lag(period_s: float) -> None:
     lag, v = 0.5, 0.9
     with a_simulator(a_world(), a_robot(), options=limited(lag, 0.0)) as simulator:
         drive(simulator, [(v, 0.0)] * round(4.0 / period_s), period_s)
-        assert simulator.rows()[0][3:5] == pytest.approx([v * (1.0 - math.exp(-4.0 / lag))] * 2)
+        assert wheels_of(simulator) == pytest.approx([v * (1.0 - math.exp(-4.0 / lag))] * 2)
         assert pose_of(simulator).x_m == pytest.approx(v * (4.0 - lag * (1.0 - math.exp(-4.0 / lag))), abs=1e-9)
 
 
@@ -355,7 +369,7 @@ def test_a_lagging_wheel_keeps_the_acceleration_limit() -> None:
         speeds = [0.0]
         for k in range(30):
             drive(simulator, [(1.0, 0.0)], 0.1, first_period=k)
-            speeds.append(simulator.rows()[0][3])
+            speeds.append(simulator.states()[0].left_mps)
     assert max(np.diff(speeds)) == pytest.approx(0.05, abs=1e-12)
     assert speeds[-1] == pytest.approx(1.0, abs=1e-6)
 
@@ -369,8 +383,8 @@ def test_a_blocked_robot_is_held_at_its_last_free_pose() -> None:
     with a_simulator(a_world(walls=(WALL,)), a_robot(), options=BLOCK) as simulator:
         assert drive(simulator, [(1.0, 0.0)] * 60, 0.1) == []
         assert pose_of(simulator) == pytest.approx((4.0, 0.0, 0.0), abs=1e-9)
-        assert simulator.rows()[0][3:5] == (0.0, 0.0)
-        assert simulator.rows()[0][9:11] == pytest.approx((4.0, 0.0), abs=1e-9)
+        assert wheels_of(simulator) == (0.0, 0.0)
+        assert travelled(simulator) == pytest.approx((4.0, 0.0), abs=1e-9)
         assert simulator.touching == [True]
 
 
@@ -379,8 +393,8 @@ def test_a_blocked_robots_turning_and_way_count_only_what_it_did() -> None:
         drive(simulator, [(0.9, 0.05)] * 80, 0.1)
         x, y, heading = pose_of(simulator)
         assert simulator.touching == [True]
-        assert simulator.rows()[0][10] == pytest.approx(heading, rel=1e-9)
-        assert simulator.rows()[0][9] == pytest.approx(heading * 0.9 / 0.05, rel=1e-9)
+        assert simulator.states()[0].turning_rad == pytest.approx(heading, rel=1e-9)
+        assert simulator.states()[0].path_length_m == pytest.approx(heading * 0.9 / 0.05, rel=1e-9)
         assert (x, y) == pytest.approx((18.0 * math.sin(heading), 18.0 * (1.0 - math.cos(heading))), abs=1e-9)
 
 
@@ -498,7 +512,7 @@ def test_a_reset_forgets_the_last_episode(accel_mps2: float | None) -> None:
         robot = a_robot(1.0, 1.0, accel_mps2)
         fresh, used = (stack.enter_context(a_simulator(world, robot, a_ring(8, 1.0, 6.0), BLOCK)) for _ in range(2))
         drive(used, [(1.0, 0.2)] * 60, 0.9)
-        used.reset(used.scene, [Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
+        reset(used, used.scene.layout, [Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
         for k in range(60):
             for simulator in (fresh, used):
                 drive(simulator, [(0.3, 0.4 * math.sin(k))], 0.9, first_period=k)

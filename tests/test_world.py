@@ -7,13 +7,14 @@ import pytest
 from scenes import a_world, to_and_fro
 from shapes import Shard
 
+from navbench.cli.worlds import world_of
 from navbench.mathematics.geometry import box_distance, distance_to_nearest, polygon_distance
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.options import SimulatorOptions
 from navbench.validation import REMEMBERED_MAX, DescriptionError, describe, remembered
+from navbench.world.layout import DrawnWorld, Layout, Start
 from navbench.world.shapes import Box, Disc, Mover, Point, Polygon, Wall, check_convex, polygon_table
-from navbench.world.world import Start, World
 
 PLAIN: dict[str, Any] = {
     "name": "plain",
@@ -53,16 +54,22 @@ def changed(path: str, value: Any) -> dict[str, Any]:
     return world
 
 
+def listed(values: dict[str, Any]) -> Layout:
+    """Return what a world of these values always draws."""
+    values = {key: value for key, value in values.items() if key != "name"}
+    return world_of(values, "plain")[0].drawn_for(0, 0)
+
+
 def message_for(path: str, value: Any) -> str:
     with pytest.raises(DescriptionError) as caught:
-        describe(World, changed(path, value), "world")
+        listed(changed(path, value))
     return str(caught.value)
 
 
 def test_the_plain_world_itself_is_valid() -> None:
-    world = describe(World, PLAIN, "world")
+    world = listed(PLAIN)
     assert world.boxes == (Box(x_m=2.0, y_m=2.0, length_m=2.0, width_m=1.0, heading_rad=0.0),)
-    assert describe(World, changed("finish_line", LINE), "world").finish_line is not None
+    assert listed(changed("finish_line", LINE)).finish_line is not None
 
 
 @pytest.mark.parametrize(
@@ -149,8 +156,8 @@ def test_an_error_in_a_robot_simulator_or_suite_names_its_key_its_value_and_what
     [
         ([{"role": "a"}, {"role": "b"}, {"role": "a"}], ["mounts", "once", "a is repeated"]),
         ([{"role": "a", "min_range_m": 2.0}], ["mounts[0]", "min_range_m=2.0", "below max_range_m=1.0"]),
-        ([{"role": "a", "rays": 8193}], ["rays", "8193", "8192"]),
-        ([{"role": "a", "rays": 4096}, {"role": "b", "rays": 4097}], ["rays", "8193", "8192"]),
+        ([{"role": "a", "rays": 10001}], ["rays", "10001", "10000"]),
+        ([{"role": "a", "rays": 5000}, {"role": "b", "rays": 5001}], ["rays", "10001", "10000"]),
     ],
 )
 def test_mounts_that_do_not_go_together_are_refused(mounts: list[dict[str, Any]], words: list[str]) -> None:
@@ -175,7 +182,7 @@ def test_a_wall_is_a_box_around_the_line_between_its_points() -> None:
     assert world.box_rows() == pytest.approx(np.array([[2.5, 4.0, 2.5, 0.2, 0.6, 0.8]]))
 
 
-def places(world: World, times: list[float]) -> list[tuple[float, ...]]:
+def places(world: DrawnWorld, times: list[float]) -> list[tuple[float, ...]]:
     """Return the last mover's x, y, vx, vy at each time."""
     return [tuple(world.disc_rows(t)[-1, [0, 1, 3, 4]].tolist()) for t in times]
 

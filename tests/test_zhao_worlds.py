@@ -6,8 +6,8 @@ import pytest
 
 from navbench.cli.configuration import compose_cell
 from navbench.experiments.cells import Cell
+from navbench.world.layout import DrawnWorld
 from navbench.world.shapes import Mover
-from navbench.world.world import World
 
 THREE = ["zhao2017_empty", "zhao2017_static", "zhao2017_dynamic", "zhao2018_fleet", "zhao2018_fleet_detour"]
 ONE = ["zhao2018_static", "zhao2018_single", "zhao2018_single_detour"]
@@ -28,8 +28,8 @@ def cell(controller: str, world: str) -> Cell:
     return compose_cell(f"controller={controller}", f"world={world}")
 
 
-def world_of(name: str) -> World:
-    return cell("sflc", name).world
+def world_of(name: str) -> DrawnWorld:
+    return cell("sflc", name).world.drawn_for(0, 0)
 
 
 def place(mover: Mover, t_s: float) -> tuple[float, ...]:

@@ -42,15 +42,13 @@ when the way is clear. Left open, and decided here (the parameters are those of 
 - It ends when the robot is nearer to the goal by ``progress_epsilon_m`` than it was ever before wall following began
   (d_prog), and does not slide: u'_fw,t is no sum of positive shares of u_gtg and u_ao. That step already blends. Both
   tests are those of simiam, the simulator of a course on mobile robots that teaches these behaviours.
-
-The compiled code of both stands in this one file: numba's cache of a function notices changes of its own file only.
 """
 
 import math
 
-import numba
 import numpy as np
 
+from navbench.compiled import compiled
 from navbench.contract import FloatArray
 from navbench.mathematics.geometry import wrap_angle
 
@@ -112,32 +110,32 @@ THRESHOLDS = (
 )
 
 
-@numba.njit(cache=True)
+@compiled
 def sensor_point(d: float) -> Vector:
     """Return the point v_i that a reading means, in the sensor's frame."""
     return d, 0.0  # eq. (7)
 
 
-@numba.njit(cache=True)
+@compiled
 def to_robot_frame(x_s: float, y_s: float, theta_s: float, v: Vector) -> Vector:
     """Return v'_i, the point in the robot's frame."""
     return transform(x_s, y_s, theta_s, v)  # eq. (8)
 
 
-@numba.njit(cache=True)
+@compiled
 def transform(x: float, y: float, theta: float, v: Vector) -> Vector:
     """Return M_t(x, y, theta) [v; 1]."""
     c, s = math.cos(theta), math.sin(theta)
     return c * v[0] - s * v[1] + x, s * v[0] + c * v[1] + y  # eq. (9)
 
 
-@numba.njit(cache=True)
+@compiled
 def to_world_frame(x: float, y: float, theta: float, v: Vector) -> Vector:
     """Return v''_i, the point in the world, from the robot's pose and the point in its frame."""
     return transform(x, y, theta, v)  # eq. (10)
 
 
-@numba.njit(cache=True)
+@compiled
 def avoidance_vector(points: FloatArray, alpha: FloatArray, u_p: Vector) -> Vector:
     """Return u_ao, the weighted sum of the vectors u_i from the robot to the points."""
     x, y = 0.0, 0.0
@@ -147,39 +145,39 @@ def avoidance_vector(points: FloatArray, alpha: FloatArray, u_p: Vector) -> Vect
     return x, y  # eq. (11)
 
 
-@numba.njit(cache=True)
+@compiled
 def heading_of(u: Vector) -> float:
     """Return the heading of a vector: theta_ao, theta_ao_gtg or theta_fw."""
     return math.atan2(u[1], u[0])  # eqs (12), (15), (23)
 
 
-@numba.njit(cache=True)
+@compiled
 def goal_vector(goal: Vector, u_p: Vector) -> Vector:
     """Return u_gtg, from the robot to the goal."""
     return goal[0] - u_p[0], goal[1] - u_p[1]  # eq. (13)
 
 
-@numba.njit(cache=True)
+@compiled
 def blend(u_gtg: Vector, u_ao: Vector, alpha: float) -> Vector:
     """Return u_ao_gtg, both away from what is near and towards the goal."""
     g, a = unit(u_gtg), unit(u_ao)
     return alpha * g[0] + (1.0 - alpha) * a[0], alpha * g[1] + (1.0 - alpha) * a[1]  # eq. (14)
 
 
-@numba.njit(cache=True)
+@compiled
 def heading_error(theta_wanted: float, theta: float) -> float:
     """Return Phi_ao_gtg or Phi_fw, how far to turn to the left."""
     error: float = wrap_angle(theta_wanted - theta)
     return error  # eqs (16), (24)
 
 
-@numba.njit(cache=True)
+@compiled
 def wall_vector(p_1: Vector, p_2: Vector) -> Vector:
     """Return u_fw,t, the piece of wall from the rear point to the front point."""
     return p_2[0] - p_1[0], p_2[1] - p_1[1]  # eq. (17)
 
 
-@numba.njit(cache=True)
+@compiled
 def unit(u: Vector) -> Vector:
     """Return the vector at length 1, such as u'_fw,t; a zero vector stays zero."""
     length = math.hypot(u[0], u[1])
@@ -188,7 +186,7 @@ def unit(u: Vector) -> Vector:
     return u[0] / length, u[1] / length  # eq. (18)
 
 
-@numba.njit(cache=True)
+@compiled
 def perpendicular_to_wall(u_a: Vector, u_p: Vector, t: Vector) -> Vector:
     """Return u_fw,p, from the robot u_p to the nearest point of the line through u_a along u'_fw,t."""
     x, y = u_a[0] - u_p[0], u_a[1] - u_p[1]  # eq. (19)
@@ -196,20 +194,20 @@ def perpendicular_to_wall(u_a: Vector, u_p: Vector, t: Vector) -> Vector:
     return x - along * t[0], y - along * t[1]  # eq. (20)
 
 
-@numba.njit(cache=True)
+@compiled
 def distance_error(u_fw_p: Vector, d_fw: float) -> Vector:
     """Return what is missing to the distance d_fw: towards the wall where it is too far, away where it is too near."""
     p = unit(u_fw_p)
     return u_fw_p[0] - d_fw * p[0], u_fw_p[1] - d_fw * p[1]  # eq. (21)
 
 
-@numba.njit(cache=True)
+@compiled
 def following_vector(t: Vector, error: Vector, d_fw: float) -> Vector:
     """Return u_fw, along the wall and back to the distance d_fw."""
     return d_fw * t[0] + error[0], d_fw * t[1] + error[1]  # eq. (22)
 
 
-@numba.njit(cache=True)
+@compiled
 def wall_points(points: FloatArray, ranges_m: FloatArray, side: float) -> tuple[Vector, Vector]:
     """Return P_1 and P_2 of the wall on a side; sensors count from the rear, and the first of equal readings wins."""
     rear, forward = (0, 1) if side == LEFT else (7, -1)
@@ -223,14 +221,14 @@ def wall_points(points: FloatArray, ranges_m: FloatArray, side: float) -> tuple[
     return (points[p_1, 0], points[p_1, 1]), (points[p_2, 0], points[p_2, 1])
 
 
-@numba.njit(cache=True)
+@compiled
 def wall_direction(points: FloatArray, ranges_m: FloatArray, side: float) -> Vector:
     """Return u'_fw,t of the wall on a side."""
     p_1, p_2 = wall_points(points, ranges_m, side)
     return unit(wall_vector(p_1, p_2))
 
 
-@numba.njit(cache=True)
+@compiled
 def wall_following(points: FloatArray, ranges_m: FloatArray, side: float, u_p: Vector, d_fw: float) -> Vector:
     """Return u_fw along the wall on a side."""
     t = wall_direction(points, ranges_m, side)
@@ -238,7 +236,7 @@ def wall_following(points: FloatArray, ranges_m: FloatArray, side: float, u_p: V
     return following_vector(t, distance_error(perpendicular_to_wall(u_a, u_p, t), d_fw), d_fw)
 
 
-@numba.njit(cache=True)
+@compiled
 def is_sliding(u_gtg: Vector, u_ao: Vector, t: Vector) -> bool:
     """Return whether [u_gtg u_ao] sigma = u'_fw,t has a solution of two positive shares."""
     determinant = u_gtg[0] * u_ao[1] - u_gtg[1] * u_ao[0]
@@ -249,7 +247,7 @@ def is_sliding(u_gtg: Vector, u_ao: Vector, t: Vector) -> bool:
     return sigma_1 > 0.0 and sigma_2 > 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def side_of_wall(points: FloatArray, ranges_m: FloatArray, u_gtg: Vector, tie_m: float) -> float:
     """Return the side on which to keep the wall, ``LEFT`` or ``RIGHT``."""
     left_m = min(ranges_m[1], ranges_m[2], ranges_m[3])
@@ -262,7 +260,7 @@ def side_of_wall(points: FloatArray, ranges_m: FloatArray, u_gtg: Vector, tie_m:
     return LEFT if left_gain >= right_gain else RIGHT
 
 
-@numba.njit(cache=True)
+@compiled
 def has_stalled(memory: FloatArray, best_m: FloatArray, min_progress_m: float) -> bool:
     """Return whether the best distance has hardly improved over the window, and remember it.
 
@@ -279,13 +277,13 @@ def has_stalled(memory: FloatArray, best_m: FloatArray, min_progress_m: float) -
     return stalled
 
 
-@numba.njit(cache=True)
+@compiled
 def switch(memory: FloatArray, behavior: float, side: float) -> None:
     """Begin a behaviour."""
     memory[BEHAVIOR], memory[SIDE], memory[PERIODS] = behavior, side, 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def step(
     memory: FloatArray,
     best_m: FloatArray,

@@ -11,7 +11,7 @@ from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.controllers.aouf2019.phases import is_within
 from navbench.controllers.aouf2019.phases import phases as phases_of
 from navbench.mathematics.statistics import Estimate
-from navbench.world.world import World
+from navbench.world.layout import DrawnWorld
 
 Select = Mapping[str, Any]
 
@@ -107,6 +107,6 @@ def share_at_bound(stored: StoredResults, parameter: str, tunings: Sequence[str]
     return share_of((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
 
 
-def _straight_m(world: World, robot_index: int) -> float:
+def _straight_m(world: DrawnWorld, robot_index: int) -> float:
     start, goal = world.starts[robot_index], world.goals[robot_index]
     return math.hypot(goal.x_m - start.x_m, goal.y_m - start.y_m) - world.goal_tolerance_m

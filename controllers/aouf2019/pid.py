@@ -26,10 +26,10 @@ is wrapped to (-pi, pi], so that an error passing pi is no jump.
 from collections.abc import Mapping
 from typing import Any
 
-import numba
 import numpy as np
 from pydantic.dataclasses import dataclass
 
+from navbench.compiled import compiled
 from navbench.contract import Command, Observation, Setup
 from navbench.mathematics.geometry import wrap_angle
 from navbench.validation import STRICT, NonNegative, Positive, describe
@@ -38,7 +38,7 @@ from .behaviors import Behaviors
 from .equations import SENSOR_ROLES
 
 
-@numba.njit(cache=True)
+@compiled
 def pid_terms(
     e: float, e_sum: float, e_before: float, period: float, kp: float, ki: float, kd: float
 ) -> tuple[float, float, float]:

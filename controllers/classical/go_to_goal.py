@@ -6,16 +6,16 @@ limit, and has no sensors: what it reaches needed no avoidance, and what it hits
 
 import math
 
-import numba
 import numpy as np
 from pydantic.dataclasses import dataclass
 
+from navbench.compiled import compiled
 from navbench.contract import Command, Observation, Setup
 from navbench.mathematics.geometry import wrap_angle
 from navbench.validation import STRICT, Positive, describe
 
 
-@numba.njit(cache=True)
+@compiled
 def heading_error(x: float, y: float, theta: float, x_goal: float, y_goal: float) -> float:
     """Return how far to turn to the left to face the goal [rad]."""
     error: float = wrap_angle(math.atan2(y_goal - y, x_goal - x) - theta)

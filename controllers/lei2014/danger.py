@@ -40,9 +40,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numba
 import numpy as np
 
+from navbench.compiled import compiled
 from navbench.contract import FloatArray
 from navbench.fuzzy.inference import FuzzyInference, Variable, infer, rules_from_table
 from navbench.mathematics.geometry import wrap_angle
@@ -61,13 +61,13 @@ LEFT, FRONT, RIGHT, ASIDE = range(4)  # sectors; what stands aside is no danger
 STANDSTILL_MPS = 1e-6  # a relative speed below it is none
 
 
-@numba.njit(cache=True)
+@compiled
 def free_distance(d_ro: float, r_rob: float, r_o: float) -> float:
     """Return the distance between the hulls of robot and obstacle [m], 0 where they touch."""
     return max(d_ro - r_rob - r_o, 0.0)  # numerator of eqs (5), (7)
 
 
-@numba.njit(cache=True)
+@compiled
 def collision_time(free_m: float, v_ro: float, closing: bool) -> float:
     """Return t_ck [s], infinite where the obstacle draws away or nothing moves."""
     if not closing or v_ro < STANDSTILL_MPS:
@@ -75,26 +75,26 @@ def collision_time(free_m: float, v_ro: float, closing: bool) -> float:
     return free_m / v_ro  # eq. (5)
 
 
-@numba.njit(cache=True)
+@compiled
 def time_factor(t_c: float, period_s: float) -> float:
     """Return eta_t, the collision time in sampling periods."""
     return t_c / period_s  # eq. (6)
 
 
-@numba.njit(cache=True)
+@compiled
 def distance_factor(free_m: float, d_s: float) -> float:
     """Return eta_d, the distance in safety distances."""
     return free_m / d_s  # eq. (7)
 
 
-@numba.njit(cache=True)
+@compiled
 def azimuth(psi: float, psi_thing: float) -> float:
     """Return theta_tar or theta_obs, how far to the right of the heading a thing stands [rad]."""
     theta: float = wrap_angle(psi - psi_thing)
     return theta  # eqs (9), (10)
 
 
-@numba.njit(cache=True)
+@compiled
 def sector(theta_obs: float, front_rad: float, side_rad: float) -> int:
     """Return the sector of an azimuth: ``LEFT``, ``FRONT``, which has both its edges, ``RIGHT`` or ``ASIDE``."""
     if abs(theta_obs) <= front_rad:
@@ -104,7 +104,7 @@ def sector(theta_obs: float, front_rad: float, side_rad: float) -> int:
     return LEFT if theta_obs < 0.0 else RIGHT  # definition 6
 
 
-@numba.njit(cache=True)
+@compiled
 def directional_danger(
     ddcfc: Any,
     thresholds: tuple[float, float, float, float, float],

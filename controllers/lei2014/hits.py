@@ -10,13 +10,13 @@ anything could have moved is seen for the first time, and counts as standing sti
 
 import math
 
-import numba
 import numpy as np
 
+from navbench.compiled import compiled
 from navbench.contract import FloatArray, RangeSensor
 
 
-@numba.njit(cache=True)
+@compiled
 def displacement(x: float, y: float, before: FloatArray) -> tuple[float, float]:
     """Return the shortest way to a point from an outline [m], infinite where there is none.
 
@@ -41,7 +41,7 @@ def displacement(x: float, y: float, before: FloatArray) -> tuple[float, float]:
     return best_x, best_y
 
 
-@numba.njit(cache=True)
+@compiled
 def scan(
     mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float], period_s: float, reach_m: float,
     before: FloatArray, obstacles: FloatArray,

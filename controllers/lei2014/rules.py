@@ -34,10 +34,10 @@ import itertools
 from functools import cache
 from typing import Literal, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.contract import FloatArray
 
 from .danger import DANGERS
@@ -134,7 +134,7 @@ def rule_base(variant: Variant) -> tuple[Rule, ...]:
     return tuple(made)
 
 
-@numba.njit(cache=True)
+@compiled
 def strongest_of_each(strengths: FloatArray, behaviors: NDArray[np.int64]) -> tuple[float, float, float]:
     """Return the strength of the strongest rule of each of ``BEHAVIORS``.
 

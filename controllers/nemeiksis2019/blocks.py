@@ -13,10 +13,10 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import numba
 import numpy as np
 from pydantic.dataclasses import dataclass
 
+from navbench.compiled import compiled
 from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
 from navbench.validation import STRICT, Number, Positive, describe, remembered
 
@@ -81,7 +81,7 @@ TABLE_5: Table = {  # 4FB: mu down, d_destination (C, MD, MF, F) across
 }
 
 
-@numba.njit(cache=True)
+@compiled
 def answer(block: Any, inputs: tuple[float, ...]) -> float:
     """Return what a block answers to its inputs, NaN if one is.
 

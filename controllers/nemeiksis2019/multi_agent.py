@@ -39,10 +39,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numba
 import numpy as np
 from pydantic.dataclasses import dataclass
 
+from navbench.compiled import compiled
 from navbench.contract import Command, FloatArray, Observation, Setup
 from navbench.validation import STRICT, Flag, Positive, describe
 
@@ -68,7 +68,7 @@ TRACE = (
 )
 
 
-@numba.njit(cache=True)
+@compiled
 def deviation(phi: float, beta: float) -> float:
     """Return theta, from the destination's direction to the heading [rad], for angles within one turn of each other."""
     theta = phi - beta
@@ -79,14 +79,14 @@ def deviation(phi: float, beta: float) -> float:
     return theta
 
 
-@numba.njit(cache=True)
+@compiled
 def wheel_speeds(mu: float, v_avg: float, k: float, track: float) -> tuple[float, float]:
     """Return V_L and V_R that turn the robot at k times mu, positive to the left, at an average speed."""
     half = 0.5 * k * mu * track
     return v_avg - half, v_avg + half
 
 
-@numba.njit(cache=True)
+@compiled
 def steered(
     tables: tuple[Any, ...],
     ranges: FloatArray,

@@ -38,9 +38,9 @@ hull, and (4) picks up the robot's own turning. Of equal dangers the first senso
 import math
 from typing import Any
 
-import numba
 import numpy as np
 
+from navbench.compiled import compiled
 from navbench.contract import FloatArray
 from navbench.fuzzy.inference import infer
 from navbench.mathematics.geometry import wrap_angle
@@ -54,19 +54,19 @@ NO_SITUATION, AHEAD, RIGHT, LEFT, ASTERN = 0, 1, 2, 3, 4
 NO_SENSOR = -1
 
 
-@numba.njit(cache=True)
+@compiled
 def approach_speed(d_t1: float, d_t2: float, dt: float) -> float:
     """Return how fast what a sensor sees comes nearer [m/s]."""
     return (d_t1 - d_t2) / dt  # eq. (4)
 
 
-@numba.njit(cache=True)
+@compiled
 def danger_coefficient(d_t2: float, v_ro: float) -> float:
     """Return the expected time of collision [s], infinite where nothing approaches."""
     return d_t2 / v_ro if v_ro > 0.0 else math.inf  # eq. (5)
 
 
-@numba.njit(cache=True)
+@compiled
 def greatest_danger(before: FloatArray, ranges: FloatArray, limits: FloatArray, dt: float) -> tuple[float, int]:
     """Return R [s] and the number of its sensor, infinite and ``NO_SENSOR`` where there is no danger.
 
@@ -85,7 +85,7 @@ def greatest_danger(before: FloatArray, ranges: FloatArray, limits: FloatArray, 
     return least, sensor
 
 
-@numba.njit(cache=True)
+@compiled
 def situation_of(sensor: int) -> int:
     """Return the special situation in which the danger lies at this sensor (section 4)."""
     if sensor == 0 or sensor == 1 or sensor == 2:
@@ -99,35 +99,35 @@ def situation_of(sensor: int) -> int:
     return NO_SITUATION
 
 
-@numba.njit(cache=True)
+@compiled
 def room_ahead(s: FloatArray) -> float:
     """Return by how much the left front is freer than the right front [m]."""
     difference: float = 0.5 * (s[1] + s[3]) - 0.5 * (s[2] + s[4])  # eq. (9)
     return difference
 
 
-@numba.njit(cache=True)
+@compiled
 def room_right(s: FloatArray) -> float:
     """Return by how much the right front is freer than the right back [m]."""
     difference: float = 0.5 * (s[4] + s[6]) - 0.5 * (s[10] + s[12])  # eq. (10)
     return difference
 
 
-@numba.njit(cache=True)
+@compiled
 def room_left(s: FloatArray) -> float:
     """Return by how much the left front is freer than the left back [m]."""
     difference: float = 0.5 * (s[3] + s[5]) - 0.5 * (s[9] + s[11])  # eq. (10), mirrored
     return difference
 
 
-@numba.njit(cache=True)
+@compiled
 def room_astern(s: FloatArray) -> float:
     """Return by how much the left back is freer than the right back [m]."""
     difference: float = 0.5 * (s[11] + s[13]) - 0.5 * (s[12] + s[14])  # eq. (9), astern
     return difference
 
 
-@numba.njit(cache=True)
+@compiled
 def rewritten(situation: int, s: FloatArray, directions: tuple[float, ...]) -> float:
     """Return the direction that stands for a special situation [rad].
 
@@ -145,7 +145,7 @@ def rewritten(situation: int, s: FloatArray, directions: tuple[float, ...]) -> f
     return directions[6] if room_astern(s) > 0.0 else directions[7]
 
 
-@numba.njit(cache=True)
+@compiled
 def avoidance(
     before: FloatArray,
     ranges: FloatArray,
@@ -179,20 +179,20 @@ def avoidance(
     return True, r, phi, situation, sensor
 
 
-@numba.njit(cache=True)
+@compiled
 def target(x: float, y: float, theta: float, x_goal: float, y_goal: float, radius: float) -> tuple[float, float]:
     """Return D in robot radii and Psi [rad] in (-pi, pi], positive where the target lies to the right."""
     psi_t = math.atan2(y_goal - y, x_goal - x)
     return math.hypot(x_goal - x, y_goal - y) / radius, wrap_angle(theta - psi_t)
 
 
-@numba.njit(cache=True)
+@compiled
 def wheel_speed(share: float, gain: float, limit_mps: float) -> float:
     """Return the speed of a wheel [m/s] for a fuzzy controller's answer, a share of the wheels' limit."""
     return min(max(gain * share, -1.0), 1.0) * limit_mps
 
 
-@numba.njit(cache=True)
+@compiled
 def commanded(
     tables: tuple[Any, Any],
     before: FloatArray,

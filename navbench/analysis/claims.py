@@ -123,15 +123,18 @@ def claims_of(key: str, table: Mapping[str, Any] | None) -> dict[str, Claim]:
     return {name: describe(Claim, claim, f"{key}.{name}") for name, claim in (table or {}).items()}
 
 
-def check_claims(key: str, table: Mapping[str, Any] | None) -> None:
-    """Check a study's table of claims, and that their measures take what they are given.
+def check_claims(key: str, table: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
+    """Return the arguments of each claim's measure, after checking the table, and that its measures take them.
 
     Raises:
         DescriptionError: as ``claims_of`` and ``check_measure``.
     """
+    asked = {}
     for name, claim in claims_of(key, table).items():
         if claim.measure is not None:
-            check_measure(f"{key}.{name}.measure", claim.measure, claim.of or {}, trust=True)
+            of = claim.of or {}
+            asked[name] = arguments(check_measure(f"{key}.{name}.measure", claim.measure, of, trust=True), of)
+    return asked
 
 
 def verdict(claim: Claim, measured: Estimate | None, margin: float = 0.0) -> tuple[str, str]:

@@ -55,7 +55,7 @@ def compare(stored: StoredResults, select: Mapping[str, Any], label: str, refere
     rows = stored.pairs({**select, "label": label}, {**select, "label": reference})
     if rows.empty:
         return None
-    limit_s = stored.world(rows["run_id"].iloc[0]).time_limit_s
+    limit_s = stored.time_limit_s(rows["run_id"].iloc[0])
     mine, other = outcomes(rows).values()
     time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     lengths = reached(rows)["path_length_m"].to_numpy()

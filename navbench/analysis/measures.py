@@ -139,7 +139,7 @@ def _fleets(stored: StoredResults, select: Select) -> "pd.DataFrame":
 def _limit_s(stored: StoredResults, rows: "pd.DataFrame") -> float:
     """Return the time limit of all worlds of some rows or pairs [s]."""
     runs = {run_id for column in ("run_id", "run_id_other") if column in rows for run_id in rows[column]}
-    limits_s = {stored.world(run_id).time_limit_s for run_id in runs}
+    limits_s = {stored.time_limit_s(run_id) for run_id in runs}
     if len(limits_s) != 1:
         worlds = ", ".join(sorted(set(rows["world"])))
         raise DescriptionError(f"{stored.results.path}: {worlds}: the worlds must share one time limit")

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.experiments.store import Results
-from navbench.validation import DescriptionError, describe
-from navbench.world.world import World
+from navbench.experiments.store import Results, ResultsError
+from navbench.validation import DescriptionError
+from navbench.world.layout import DrawnWorld, in_common, layout_of
+from navbench.world.world import drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,9 +125,36 @@ class StoredResults:
     def _entries(self) -> dict[str, dict[str, Any]]:
         return {cell["run_id"]: cell for cell in reversed(self.manifest["cells"])}
 
-    def world(self, run_id: str, episode: int = 0) -> World:
-        """Return the world of a cell, its layout drawn for an episode."""
-        return world_of(self.configuration(run_id)).drawn_for(self.configuration(run_id)["seed"], episode)
+    def world(self, run_id: str, episode: int = 0) -> DrawnWorld:
+        """Return what was driven in an episode: the world of a cell with the layout that is stored.
+
+        Raises:
+            ResultsError: there is none: none could be drawn, or the episode did not run.
+        """
+        layout = self._layouts.get(self._layout_ids.get((run_id, episode), ""))
+        if layout is None:
+            raise ResultsError(f"{self.results.path}: no layout is stored for episode {episode} of {run_id}")
+        cell = self.configuration(run_id)
+        world = cell["configuration"]["world"]
+        return drawn(layout_of(layout), cell["world"], world["goal_tolerance_m"], world["time_limit_s"])
+
+    def time_limit_s(self, run_id: str) -> float:
+        """Return when the episodes of a cell end for every robot still running [s]."""
+        return float(self.configuration(run_id)["configuration"]["world"]["time_limit_s"])
+
+    def world_in_common(self, run_id: str) -> DrawnWorld | None:
+        """Return what stands in all episodes of a cell, or None where no layout is stored."""
+        distinct = {layout: episode for (run, episode), layout in self._layout_ids.items() if run == run_id and layout}
+        return in_common([self.world(run_id, episode) for episode in distinct.values()]) if distinct else None
+
+    @cached_property
+    def _layouts(self) -> dict[str, str]:
+        return self.results.layouts()
+
+    @cached_property
+    def _layout_ids(self) -> dict[tuple[str, int], str]:
+        rows = self.results.episodes()
+        return dict(zip(zip(rows["run_id"], rows["episode"], strict=True), rows["layout_id"], strict=True))
 
     @cached_property
     def labels(self) -> list[str]:
@@ -166,11 +194,6 @@ class StoredResults:
             if not each and rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
         return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
-
-
-def world_of(cell: Mapping[str, Any]) -> World:
-    """Return the world of a cell's entry in the manifest, its layout not drawn."""
-    return describe(World, {"name": cell["world"], **cell["configuration"]["world"]}, "world")
 
 
 def reached(rows: "pd.DataFrame") -> "pd.DataFrame":

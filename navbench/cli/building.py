@@ -1,11 +1,12 @@
-"""From a controller's ``build`` to what makes it: its class found, its parameters checked, one made to see it fits."""
+"""From a ``_target_`` and its parameters to what makes the object: the class found, the parameters checked."""
 
+import copy
 import inspect
 import json
 import math
 import re
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -15,9 +16,10 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from navbench.contract import Controller
 from navbench.records import Names
 from navbench.sensors import Sensors
+from navbench.simulation.base import Simulator
 from navbench.validation import DescriptionError
 
-CLASS = "must name a class with reset(setup, rng) and act(observation), as module.Class"
+CONTROLLER = ("reset(setup, rng)", "act(observation)")
 
 
 def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Controller]:
@@ -31,19 +33,8 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
     """
-    if not isinstance(build, dict) or "_target_" not in build:
-        raise DescriptionError(f"controller.build._target_: missing; it {CLASS}")
-    parameters = {name: value for name, value in build.items() if name != "_target_"}
-    target = _located(build["_target_"])
-    _check_finite("controller.build", parameters)
-    _check_parameters(target, parameters)
-    try:
-        controller = target(**parameters)
-    except Exception as error:  # whatever a constructor says of its parameters
-        raise DescriptionError(_complaint(error, target, parameters)) from None
-    if not isinstance(controller, Controller):
-        raise DescriptionError(f"controller.build._target_={build['_target_']}: {CLASS}")
-    needed = getattr(controller, "sensor_roles", None)
+    maker = maker_of("controller.build", build, CONTROLLER)
+    needed = getattr(made_by(maker, "controller.build", CONTROLLER), "sensor_roles", None)
     offered = tuple(mount.role for mount in sensors.mounts)
     if needed is not None and not (isinstance(needed, list | tuple) and all(isinstance(role, str) for role in needed)):
         raise DescriptionError(
@@ -55,24 +46,87 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
             f"{'the range sensors ' + ', '.join(needed) + ', in this order' if needed else 'no range sensors'}; "
             f"this suite has {_few(offered)}"
         )
-    return partial(target, **parameters)  # made for each episode anew
+    return maker
 
 
-def _located(target: Any) -> Callable[..., Any]:
+def simulator_class(target: Any) -> type[Simulator]:
+    """Return the class of a simulator.
+
+    Args:
+        target: its dotted name, the configuration's ``simulator._target_``.
+
+    Raises:
+        DescriptionError: it names no such class.
+    """
+    found = located("simulator._target_", target, ())
+    if not (inspect.isclass(found) and issubclass(found, Simulator)):
+        raise DescriptionError(f"simulator._target_={target}: must name a subclass of {Simulator.__module__}.Simulator")
+    return found
+
+
+def made(key: str, build: Any, methods: Sequence[str]) -> Any:
+    """Return what a ``_target_`` and the parameters beside it make; arguments and errors as ``maker_of``."""
+    return made_by(maker_of(key, build, methods), key, methods)
+
+
+def maker_of(key: str, build: Any, methods: Sequence[str]) -> partial[Any]:
+    """Return what makes an object of a class that the configuration names, each time anew.
+
+    Args:
+        key: where ``build`` stands in the configuration, such as "controller.build", for the error message.
+        build: ``_target_``, a class or a function as module.name, and a value for each of its parameters.
+        methods: what the object must have, such as "act(observation)".
+
+    Raises:
+        DescriptionError: one line that names the key, its value and what is allowed.
+    """
+    if not isinstance(build, Mapping) or "_target_" not in build:
+        raise DescriptionError(f"{key}._target_: missing; it {_kind(methods)}")
+    parameters = {name: copy.deepcopy(value) for name, value in build.items() if name != "_target_"}
+    target = located(f"{key}._target_", build["_target_"], methods)
+    _check_finite(key, parameters)
+    _check_parameters(key, target, parameters)
+    return partial(target, **parameters)
+
+
+def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
+    """Return what a maker makes; arguments and errors as ``maker_of``."""
+    try:
+        thing = maker()
+    except Exception as error:  # whatever a constructor says of its parameters
+        raise DescriptionError(_complaint(error, key, maker)) from None
+    if not all(hasattr(thing, method.split("(")[0]) for method in methods):
+        target = f"{maker.func.__module__}.{getattr(maker.func, '__qualname__', maker.func)}"
+        raise DescriptionError(f"{key}._target_={target}: {_kind(methods)}")
+    return thing
+
+
+def _kind(methods: Sequence[str]) -> str:
+    return f"must name a class{' with ' if methods else ''}{' and '.join(methods)}, as module.Class"
+
+
+def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]:
     """Return what a dotted name stands for."""
-    complaint = f"controller.build._target_={target}:"
+    complaint = f"{key}={target}:"
     module, _, name = target.rpartition(".") if isinstance(target, str) else ("", "", "")
     if not module or not name:
-        raise DescriptionError(f"{complaint} {CLASS}")
+        raise DescriptionError(f"{complaint} {_kind(methods)}")
     try:
         found = getattr(import_module(module), name)
     except Exception as error:  # a user's module may raise anything
         text = " ".join(f"{type(error).__name__}: {error}".split())
         raise DescriptionError(f"{complaint} cannot be imported ({text})") from None
-    lacks = inspect.isclass(found) and not (hasattr(found, "reset") and hasattr(found, "act"))
+    lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
     if lacks or not callable(found):
-        raise DescriptionError(f"{complaint} {CLASS}")
+        raise DescriptionError(f"{complaint} {_kind(methods)}")
     return found  # type: ignore[no-any-return]
+
+
+def check_keys(values: Iterable[str], key: str, allowed: Sequence[str]) -> None:
+    """Check the names of what stands at a key; raises ``DescriptionError``."""
+    for name in values:
+        if name not in allowed:
+            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}")
 
 
 def _check_finite(key: str, value: Any) -> None:
@@ -84,7 +138,7 @@ def _check_finite(key: str, value: Any) -> None:
         raise DescriptionError(f"{key}={value}: must be a finite number")
 
 
-def _check_parameters(target: Callable[..., Any], parameters: Mapping[str, Any]) -> None:
+def _check_parameters(key: str, target: Callable[..., Any], parameters: Mapping[str, Any]) -> None:
     """Check names and types against the target's own signature, so that no word passes where a number belongs."""
     try:
         signature = inspect.signature(target)
@@ -99,19 +153,17 @@ def _check_parameters(target: Callable[..., Any], parameters: Mapping[str, Any])
     free = any(parameter.kind is kinds.VAR_KEYWORD for parameter in signature.parameters.values())
     for name in parameters:
         if name not in named and not free:
-            raise DescriptionError(
-                f"controller.build.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}"
-            )
+            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}")
     for name, parameter in named.items():
         if parameter.default is parameter.empty and name not in parameters:
-            raise DescriptionError(f"controller.build.{name}: missing; a value is needed")
+            raise DescriptionError(f"{key}.{name}: missing; a value is needed")
     try:
         hints = typing.get_type_hints(target.__init__ if inspect.isclass(target) else target)
     except Exception:  # a hint may name what only a type checker imports
         return
     for name, value in parameters.items():
         if name in hints:
-            _check_type(f"controller.build.{name}", hints[name], value)
+            _check_type(f"{key}.{name}", hints[name], value)
 
 
 def _check_type(key: str, hint: Any, value: Any) -> None:
@@ -128,14 +180,14 @@ def _check_type(key: str, hint: Any, value: Any) -> None:
         raise DescriptionError(f"{key}{place}={first['input']!r}: {allowed}") from None
 
 
-def _complaint(error: Exception, target: Callable[..., Any], parameters: Mapping[str, Any]) -> str:
+def _complaint(error: Exception, key: str, maker: partial[Any]) -> str:
     """Return what a constructor says of its parameters, named by their places in the configuration."""
-    own = getattr(target, "__name__", "")
-    text = re.sub(rf"^({re.escape(own)}|build)(\.|: )", "", " ".join(str(error).split()))
+    own = getattr(maker.func, "__name__", "")
+    text = re.sub(rf"^({re.escape(own)}|{key.rpartition('.')[2]})(\.|: )", "", " ".join(str(error).split()))
     if not isinstance(error, ValueError) or not text:
         text = f"{type(error).__name__}: {text}"
     about = re.match(r"\w*", text)
-    return f"controller.build.{text}" if about and about[0] in parameters else f"controller.build: {text}"
+    return f"{key}.{text}" if about and about[0] in maker.keywords else f"{key}: {text}"
 
 
 def _few(names: tuple[str, ...], most: int = 4) -> str:

@@ -1,129 +1,216 @@
-"""From the words of a command line to a composed configuration, by Hydra, and for the runs of a study quickly."""
+"""From the words of a command line to composed configurations, by Hydra."""
 
+import itertools
 import os
 import re
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
-from functools import lru_cache
+from contextvars import ContextVar
+from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hydra import compose, version
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.hydra import Hydra
-from hydra._internal.utils import create_config_search_path
+import yaml
+from hydra import compose, initialize_config_module
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, ValueType
+from hydra.core.plugins import Plugins
+from hydra.errors import HydraException
+from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
 
 from navbench.cli import schema
-from navbench.cli.catalogue import CONF, LISTED
-from navbench.cli.parts import PartsLoader
+from navbench.cli.catalogue import CONF, GROUPS, LISTED, check_folder
 from navbench.validation import DescriptionError
 
-OWN = "pkg://navbench.conf"
+KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
+CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
+WORLD_SIDE = ("world", "robot", "simulator")  # a world a robot
+FOLDER: ContextVar[str | Path | None] = ContextVar("FOLDER", default=None)
 
 
 class Composed(NamedTuple):
-    """A composed configuration, as plain values.
+    """A composed configuration, as plain values, which several may share: nobody changes them.
 
     Attributes:
         values: all of it.
-        keys: those that may stand at its top.
         choices: which file was chosen in each group.
     """
 
-    values: dict[str, Any]
-    keys: Sequence[str]
+    values: Mapping[str, Any]
     choices: Mapping[str, Any]
 
 
-def plain(config: DictConfig, choices: Mapping[str, Any]) -> Composed:
-    """Return a composed configuration as plain values.
+class UserFolder(SearchPathPlugin):
+    """Lets Hydra look into the folder after ``--config-dir``, too."""
 
-    Raises:
-        omegaconf.errors.OmegaConfBaseException: a value is missing or an interpolation does not resolve.
-    """
-    values: dict[str, Any] = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[assignment]
-    kind = OmegaConf.get_type(config)
-    return Composed(values, [item.name for item in fields(kind)] if is_dataclass(kind) else list(values), choices)
-
-
-class Composer(NamedTuple):
-    """Composes from one search path, while ``composing``."""
-
-    parts: PartsLoader
-
-    def config(self, name: str, words: Sequence[str]) -> tuple[DictConfig, Mapping[str, Any]]:
-        """Return a primary config composed with these words, and which file was chosen in each group.
-
-        Raises:
-            hydra.errors.HydraException: an unknown choice or key.
-            DescriptionError: a word chooses no name.
-        """
-        check_words(words)
-        config = compose(name, list(words), return_hydra_config=True)
-        HydraConfig.instance().set_config(config)
-        choices = dict(config.hydra.runtime.choices)
-        with open_dict(config):
-            del config["hydra"]
-        return config, choices
-
-    def values(self, name: str, words: Sequence[str]) -> Composed:
-        """Return a run or a tuning composed with these words; as ``config``, but as plain values, and quickly.
-
-        Raises:
-            hydra.errors.HydraException: an unknown choice or key.
-            DescriptionError: a word chooses no name.
-            omegaconf.errors.OmegaConfBaseException: as ``plain``.
-        """
-        check_words(words)
-        try:
-            config, whole, choices = self.parts.compose(name, words)
-            composed = plain(config, choices)
-        except Exception:  # what is unusual Hydra composes itself, and of what is wrong it speaks in its own words
-            return plain(*self.config(name, words))
-        composed.values.update(whole)
-        return composed
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Append the folder."""
+        folder = FOLDER.get()
+        if folder is not None:
+            search_path.append("navbench", f"file://{os.path.abspath(folder)}")
 
 
 @contextmanager
-def composing(config_dir: str | None = None) -> Iterator[Composer]:
-    """Give what composes from navbench's own files, and from those of a folder, as after ``--config-dir``."""
-    schema.register()
-    search_path = create_config_search_path(OWN)
+def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
+    """Give what composes from navbench's own files, and from those of a folder, as after ``--config-dir``.
+
+    Raises:
+        DescriptionError: there is no such folder, or a file in it cannot be used.
+    """
     if config_dir is not None:
-        folder = f"file://{os.path.abspath(config_dir)}"
-        search_path.prepend("command-line", folder, anchor="schema")  # the schemas must stand last
-    version.setbase("1.3")
-    GlobalHydra.instance().initialize(Hydra("navbench", ConfigLoaderImpl(search_path)))
+        check_folder(Path(config_dir))
+    schema.register()
+    Plugins.instance().register(UserFolder)
+    token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
+    GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
     try:
-        yield Composer(PartsLoader(search_path) if config_dir is not None else _own_parts(_state(CONF)))
+        with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
+            yield Composer()
     finally:
-        GlobalHydra.instance().clear()
+        FOLDER.reset(token)
+        GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
 
 
-@lru_cache(maxsize=1)
-def _own_parts(state: Hashable) -> PartsLoader:
-    """Return what composes from navbench's own files, the same as long as these stay as they are."""
-    return PartsLoader(create_config_search_path(OWN))
+class Composer:
+    """Composes, while ``composing``."""
+
+    def __init__(self) -> None:
+        """Begin with nothing composed."""
+        self._side = cache(self._compose_side)
+
+    def command(self, name: str, words: Sequence[str], *, sweep: bool = False) -> tuple[list[Composed], Path]:
+        """Return what a command line asks for, in the order of a sweep, and where its results are to go.
+
+        Args:
+            name: the primary config: run or tune.
+            words: the command line's, with ``hydra.run.dir`` or, in a sweep, ``hydra.sweep.dir``.
+            sweep: whether commas, choice(), range() and glob() stand for several values, as after ``-m``.
+
+        Raises:
+            hydra.errors.HydraException: an unknown choice or key.
+            omegaconf.errors.OmegaConfBaseException: a value is missing, of a wrong type, or does not resolve.
+            DescriptionError: a word chooses no name, or sets what cannot be set.
+        """
+        place = "hydra.sweep.dir" if sweep else "hydra.run.dir"
+        for word in words:
+            if key_of(word).startswith("hydra") and key_of(word) != place:
+                raise DescriptionError(f"{key_of(word)}: unknown key; the only one of Hydra's own here is {place}")
+        jobs = combinations(words) if sweep else [list(words)]
+        first = self._whole(name, jobs[0])
+        told = HydraConfig.get()
+        path = Path(told.sweep.dir if sweep else told.run.dir)
+        return [first, *(self.values(name, job) for job in jobs[1:])], path
+
+    def values(self, name: str, words: Sequence[str]) -> Composed:
+        """Return one composed configuration; arguments and errors as above.
+
+        A run is composed in two halves where these have nothing to do with each other, as nearly always: of many runs
+        each half stands in several.
+        """
+        return (self._halves(words) if name == "run" else None) or self._whole(name, words)
+
+    def text(self, name: str, words: Sequence[str]) -> str:
+        """Return a composed configuration as YAML, as it is before it is checked."""
+        return OmegaConf.to_yaml(self._config(name, words))
+
+    def study(self, name: str) -> dict[str, Any]:
+        """Return what a study's files say; where they name no package, it stands below the names of their folders."""
+        values: dict[str, Any] = OmegaConf.to_container(self._config(f"study/{name}", []), resolve=True)  # type: ignore[assignment]
+        for folder in ("study", name):
+            inner = values.pop(folder, {})
+            for key in inner:
+                if key in values:
+                    raise DescriptionError(f"study/{name}.{key}: stands in several of the study's files")
+            values.update(inner)
+        return values
+
+    def _whole(self, name: str, words: Sequence[str]) -> Composed:
+        config = self._config(name, words)
+        return Composed(_checked(name, _plain(config)), _choices())
+
+    def _config(self, name: str, words: Sequence[str]) -> DictConfig:
+        check_words(words)
+        config = compose(name, list(words), return_hydra_config=True)  # which the resolver ``hydra`` reads
+        HydraConfig.instance().set_config(config)
+        with open_dict(config):
+            del config["hydra"]
+        return config
+
+    def _halves(self, words: Sequence[str]) -> Composed | None:
+        """Return a run put together from its halves, or None where only the whole tells what it is."""
+        check_words(words)
+        of_controller = [word for word in words if _top(word) in CONTROLLER_SIDE]
+        others = [word for word in words if _top(word) not in CONTROLLER_SIDE]
+        try:
+            controller, world = self._side(CONTROLLER_SIDE, *of_controller), self._side(WORLD_SIDE, *others)
+            if controller.beside != self._side(()).beside:
+                return None
+        except (HydraException, OmegaConfBaseException):
+            return None  # of what is wrong the whole speaks
+        values = _checked("run", {**controller.values, **world.values, **world.beside})
+        return Composed(values, {**controller.choices, **world.choices})
+
+    def _compose_side(self, side: Sequence[str], *words: str) -> "_Side":
+        """Return some groups of a run, composed without the others."""
+        run = yaml.safe_load((CONF / "run.yaml").read_text(encoding="utf-8"))
+        without = [group for group in GROUPS if group not in side]
+        run["defaults"] = [entry for entry in run["defaults"] if not set(entry).intersection(without)]
+        ConfigStore.instance().store(name="side", node=run)
+        config = self._config("side", words)
+        if not all(OmegaConf.is_missing(config, group) for group in without):
+            raise HydraException(f"{', '.join(side)}: set what is not theirs")
+        beside = [str(key) for key in config if key not in GROUPS]
+        return _Side(
+            _plain(OmegaConf.masked_copy(config, list(side))), _plain(OmegaConf.masked_copy(config, beside)), _choices()
+        )
 
 
-def _state(folder: Path) -> Hashable:
-    """Return what is another one when a file has changed."""
-    stats = ((file, file.stat()) for file in sorted(folder.rglob("*.yaml")) if file.is_file())
-    return tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats)
+class _Side(NamedTuple):
+    values: dict[str, Any]
+    beside: dict[str, Any]
+    choices: dict[str, Any]
+
+
+def combinations(words: Sequence[str]) -> list[list[str]]:
+    """Return every combination of the values over which the words of a sweep go, the last word's first.
+
+    Raises:
+        hydra.errors.HydraException: a word cannot be read, or goes over what has no end.
+        DescriptionError: a glob finds nothing.
+    """
+    parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(list(words))
+    return [list(job) for job in itertools.product(*map(_single, parsed))]
+
+
+def _single(override: Override) -> list[str]:
+    """Return the words that a word of a sweep stands for."""
+    if not override.is_sweep_override():
+        return [str(override.input_line)]
+    values = list(override.sweep_string_iterator())
+    if override.value_type is ValueType.GLOB_CHOICE_SWEEP:
+        values = [value for value in values if not value.startswith("_")]  # these are parts of others
+        if not values:
+            raise DescriptionError(f"{override.input_line}: no name is like that")
+    return [f"{override.get_key_element()}={value}" for value in values]
 
 
 def check_words(words: Iterable[str]) -> None:
     """Check the words that choose a file: Hydra takes a null, a number or a list for a slip in the program.
 
+    A name with .yaml Hydra would take, and results would then bear it.
+
     Raises:
         DescriptionError: a word chooses no name.
     """
     for word in words:
-        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
+        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*|.*\.yaml)", word, re.DOTALL)
         if group:
             raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
 
@@ -131,3 +218,32 @@ def check_words(words: Iterable[str]) -> None:
 def key_of(word: str) -> str:
     """Return the key of a word of the command line, such as controller.build.kp."""
     return re.split(r"[=@]", word.lstrip("+~"))[0]
+
+
+def _top(word: str) -> str:
+    """Return the key at the top of the configuration that a word changes."""
+    place = word.lstrip("+~").split("=")[0]
+    return place.rpartition("@")[2].split(".")[0]
+
+
+def _choices() -> dict[str, Any]:
+    """Return which file was chosen in each group of what was composed last."""
+    choices = HydraConfig.get().runtime.choices.items()
+    return {group: choice for group, choice in choices if not group.startswith("hydra/")}
+
+
+def _plain(config: DictConfig) -> dict[str, Any]:
+    values: dict[str, Any] = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[assignment]
+    return values
+
+
+def _checked(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration in the order of its keys, which are those of its kind, each there."""
+    known = [field.name for field in fields(KINDS[name])]
+    for key in values:
+        if key not in known:
+            raise DescriptionError(f"{key}: unknown key; allowed here: {', '.join(known)}")
+    for key in known:
+        if key not in values:
+            raise DescriptionError(f"{key}: missing; a value is needed")
+    return {key: values[key] for key in known}

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navbench.cli.configuration import cell_of, compose_run
+from navbench.cli.composing import composing
+from navbench.cli.configuration import cell_of
 from navbench.cli.errors import one_line
-from navbench.experiments.running import run_cells
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
@@ -17,11 +19,13 @@ if TYPE_CHECKING:
 def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: str | None) -> "pd.DataFrame":
     """Run one cell and return its table of episodes; see ``navbench.run``."""
     try:
-        run = compose_run(*overrides, config_dir=config_dir)
-        cell, workers = cell_of(run), run.values["workers"]
+        with composing(config_dir) as composer:
+            run = composer.values("run", overrides)
+            cell, workers = cell_of(run), run.values["workers"]
     except Exception as error:  # Hydra composes with errors of many kinds
         raise DescriptionError(one_line(error)) from error
-    if path is not None:
-        return run_cells([cell], Path(path), workers).episodes()
     with tempfile.TemporaryDirectory() as folder:
-        return run_cells([cell], Path(folder), workers).episodes()
+        ran = run_plan(Plan(cells=(cell,)), Path(folder if path is None else path), workers)
+        if ran.finished < ran.planned:
+            raise DescriptionError(f"{ran.finished} of {ran.planned} episodes are there: {'; '.join(ran.reasons)}")
+        return ran.results.episodes()

@@ -12,6 +12,7 @@ from omegaconf import OmegaConf
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.options import SimulatorOptions
+from navbench.world.layout import Layout
 from navbench.world.world import World
 
 
@@ -25,6 +26,7 @@ class Run:
     sensors: Any = omegaconf.MISSING
     simulator: Any = omegaconf.MISSING
     episodes: int = omegaconf.MISSING
+    episode: int | None = omegaconf.MISSING
     seed: int = omegaconf.MISSING
     start_jitter_m: float = omegaconf.MISSING
     start_heading_jitter_rad: float = omegaconf.MISSING
@@ -82,10 +84,22 @@ def _configured(hint: Any) -> Any:
     return schema_of(hint) if is_dataclass(hint) else hint
 
 
+def _world() -> type:
+    """Return a world's schema: what a layout lists, none of it where a source draws it, and the world's own keys."""
+    own = schema_of(World, without=("name", "source"))
+    source: list[tuple[str, Any, Any]] = [("bounds", Any, None), ("source", Any, None)]
+    return make_dataclass("World", source, bases=(schema_of(Layout, without=("bounds",)), own))
+
+
 def _with_sources(schema: type) -> type:
     """Return a schema with the map of sources that a file may carry."""
     sources: Any = field(default_factory=dict)
     return make_dataclass(schema.__name__, [("sources", dict[str, Any], sources)], bases=(schema,))
+
+
+def _with_target(schema: type) -> type:
+    """Return a schema with the dotted name of the class that has these options."""
+    return make_dataclass(schema.__name__, [("_target_", str, omegaconf.MISSING)], bases=(schema,))
 
 
 def register() -> None:
@@ -94,7 +108,7 @@ def register() -> None:
     store.store(group="schema", name="run", node=Run)
     store.store(group="schema", name="tune", node=Tune)
     store.store(group="schema", name="robot", node=_with_sources(schema_of(Robot)))
-    store.store(group="schema", name="world", node=_with_sources(schema_of(World, without=("name",))))
+    store.store(group="schema", name="world", node=_with_sources(_world()))
     store.store(group="schema", name="sensors", node=_with_sources(schema_of(Sensors)))
-    store.store(group="schema", name="simulator", node=_with_sources(schema_of(SimulatorOptions)))
+    store.store(group="schema", name="simulator", node=_with_sources(_with_target(schema_of(SimulatorOptions))))
     OmegaConf.register_new_resolver("deg", math.radians, replace=True)

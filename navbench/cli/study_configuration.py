@@ -6,20 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from navbench.analysis.claims import check_claims
-from navbench.cli.composing import Composed, Composer, composing, key_of, plain
-from navbench.cli.configuration import cell_of
+from navbench.cli.building import made
+from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
+from navbench.cli.configuration import cell_of, without
+from navbench.cli.references import check_references
 from navbench.cli.tunable import dimensions_of
 from navbench.experiments.cells import Cell
-from navbench.experiments.studies import Planned, Study
+from navbench.experiments.plan import Plan
 from navbench.experiments.tunings import Objective, Tuning
 from navbench.report.sections import check_section
 from navbench.validation import STRICT, Count, DescriptionError, Flag, describe
@@ -27,6 +24,8 @@ from navbench.validation import STRICT, Count, DescriptionError, Flag, describe
 Seed = Annotated[int, Field(ge=0, strict=True)]
 Words = tuple[str, ...]
 
+TUNER = ("population", "generations(space, rng)")
+REPAIR = ("__call__(values)",)
 OF_A_TUNING = ("tuner", "objective", "budget", "name", "world", "worlds", "workers", "hydra")  # not of its cells
 
 
@@ -105,7 +104,7 @@ class StudyFile:
     report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
-def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> tuple[Tuning, Path, int | None]:
+def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = None) -> tuple[Tuning, Path, int | None]:
     """Return the tuning that the command line's words describe, where its results go, and with how many workers.
 
     Raises:
@@ -113,13 +112,11 @@ def compose_tuning(overrides: Sequence[str], config_dir: str | None = None) -> t
         DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
     """
     with composing(config_dir) as composer:
-        config, choices = composer.config("tune", overrides)
-        path = Path(HydraConfig.get().run.dir)
-        tuning = plain(config, choices)
-        return tuning_of(tuning, overrides, composer), path, tuning.values["workers"]
+        (composed,), path = composer.command("tune", overrides)
+        return tuning_of(composed, overrides, composer), path, composed.values["workers"]
 
 
-def compose_study(name: str, config_dir: str | None = None) -> Study:
+def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
     """Return the study of a name.
 
     Raises:
@@ -127,10 +124,9 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
         DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
     """
     with composing(config_dir) as composer:
-        config, _ = composer.config(f"study/{name}", [])
-        values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+        values = composer.study(name)
         file = describe(StudyFile, values, f"study/{name}")
-        check_claims(f"study/{name}.claims", file.claims)
+        asked = check_claims(f"study/{name}.claims", file.claims)
         for i, section in enumerate(file.report):
             check_section(f"study/{name}.report[{i}]", section, trust=True)
         tunings = tuple(
@@ -139,27 +135,32 @@ def compose_study(name: str, config_dir: str | None = None) -> Study:
             for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composer)
         )
         known = {tuning.name for tuning in tunings}
-        cells = []
+        cells: list[Cell] = []
         for i, spec in enumerate(file.cells):
             if spec.tuning and spec.tuning not in known:
                 allowed = ", ".join(sorted(known)) or "none: this study has no tunings"
                 raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; allowed: {allowed}")
-            cells += _cells(f"study/{name}.cells[{i}]", spec, composer)
+            own = [tuning for tuning in tunings if tuning.name == spec.tuning]
+            cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
     content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
-    return Study(name=name, tunings=tunings, cells=tuple(cells), content=content)
+    check_references(f"study/{name}", {"claims": asked, "report": values.get("report")}, cells)
+    return Plan(cells=tuple(cells), tunings=tunings, study={"name": name, **content})
 
 
-def _cells(key: str, spec: CellSpec, composer: Composer) -> list[Planned]:
-    planned = []
+def _cells(key: str, spec: CellSpec, composer: Composer, tunings: Sequence[Tuning]) -> list[Cell]:
+    """Return the cells of one entry of a study; of one that is tuned, one for each of its tunings."""
+    cells = []
     for label, overrides in spec.labelled().items():
-        for words in _products(overrides):
+        for words in combinations(overrides):
             try:
                 cell = cell_of(composer.values("run", [*words, f"episodes={spec.episodes}", f"seed={spec.seed}"]))
             except DescriptionError as error:
                 raise DescriptionError(f"{key}: {error}") from None
-            cell = replace(cell, keep_trajectories=spec.trajectories)
-            planned.append(Planned(cell, spec.name, label, spec.tuning, spec.tuning_seeds))
-    return planned
+            cell = replace(cell, name=spec.name, label=label, keep_trajectories=spec.trajectories)
+            seeds = [tuning.seed for tuning in tunings if spec.tuning_seeds is None or tuning.seed in spec.tuning_seeds]
+            tuned = [replace(cell, tuning=spec.tuning, tuning_seed=seed) for seed in seeds]
+            cells += tuned if spec.tuning else [cell]
+    return cells
 
 
 def _tunings(key: str, spec: TuningSpec, composer: Composer) -> list[Tuning]:
@@ -168,13 +169,6 @@ def _tunings(key: str, spec: TuningSpec, composer: Composer) -> list[Tuning]:
     except DescriptionError as error:
         raise DescriptionError(f"{key}: {error}") from None
     return [replace(first, name=spec.name, seed=seed) for seed in range(spec.seeds)]
-
-
-def _products(overrides: Sequence[str]) -> list[list[str]]:
-    """Return every combination of the overrides' comma-separated values."""
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    products: list[list[str]] = BasicSweeper.split_arguments(parsed, None)[0]
-    return products
 
 
 def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) -> Tuning:
@@ -200,35 +194,22 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
     if not re.fullmatch(r"[A-Za-z0-9][\w-]*", name) or name == cell.names.controller:
         raise DescriptionError(f"name={name}: must be a word of letters, digits, _ and -, and not the controller's own")
     repair = values["controller"].get("repair")
-    sources = {part: values[part].pop("sources", {}) for part in ("tuner", "objective")}
-    build = values["tuner"]
-    configuration = {"tuner": build, "objective": values["objective"], "tunable": tunable}
+    searched = {part: without(values[part], "sources") for part in ("tuner", "objective")}
+    configuration = {**searched, "tunable": tunable}
     return Tuning(
         name=name,
         tuner_name=str(choices["tuner"]),
         objective_name=str(choices["objective"]),
         cells=(cell, *_further_cells(values["worlds"], choices, overrides, composer)),
-        tuner=_made("tuner.build", build.get("build")),
+        tuner=made("tuner.build", searched["tuner"].get("build"), TUNER),
         dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
-        objective=describe(Objective, values["objective"], "objective"),
+        objective=describe(Objective, searched["objective"], "objective"),
         budget=values["budget"],
         seed=values["seed"],
         configuration=configuration if repair is None else {**configuration, "repair": repair},
-        sources=sources,
-        repair=None if repair is None else _made("controller.repair", repair),
+        sources={part: values[part].get("sources", {}) for part in searched},
+        repair=None if repair is None else made("controller.repair", repair, REPAIR),
     )
-
-
-def _made(key: str, build: Any) -> Any:
-    """Return what a ``_target_`` and its parameters make."""
-    try:
-        made = instantiate(build, _convert_="all")
-    except Exception as error:  # whatever it says of its parameters
-        text = " ".join(str(error.__cause__ or error).split())
-        raise DescriptionError(f"{key}: {text}") from None
-    if made is None or isinstance(made, dict | list | str | int | float):
-        raise DescriptionError(f"{key}={build!r}: must name a class, as `_target_: module.Class`, and its parameters")
-    return made
 
 
 def _further_cells(

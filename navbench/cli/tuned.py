@@ -1,6 +1,6 @@
 """The file of a tuned controller: what was tuned and how; all else it inherits from the controller that was tuned."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +9,17 @@ import yaml
 from navbench.cli.composing import key_of
 from navbench.experiments.cells import leaves_below
 from navbench.experiments.store import write_table
-from navbench.experiments.tunings import Tuning, TuningRecord
+from navbench.experiments.tunings import Tuning
 
 TOLD = ("controller", "tuner", "objective", "world", "worlds", "budget", "seed", "name", "workers")  # or of no matter
 
 
-def write_controller(tuning: Tuning, record: TuningRecord, path: Path, overrides: Sequence[str] = ()) -> Path:
+def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, overrides: Sequence[str] = ()) -> Path:
     """Write the tuned controller's YAML, and return where it is.
 
     Args:
         tuning: the tuning.
-        record: what it evaluated.
+        parameters: the best ones, by their dotted places below ``controller.build``.
         path: its results directory.
         overrides: the words of the command line: what they set in the controller is written too, and their conditions
             are told with the source.
@@ -31,7 +31,7 @@ def write_controller(tuning: Tuning, record: TuningRecord, path: Path, overrides
     further = [word for word in overrides if key_of(word) not in TOLD and not key_of(word).startswith("hydra.")]
     source = {"tuned": f"{' '.join([how, *further])}, in {worlds}, budget={tuning.budget}", "seed": tuning.seed}
     whole = cell.configuration["controller"]["build"]
-    best = {**_given(overrides, whole), **record.best()}
+    best = {**_given(overrides, whole), **parameters}
     build: dict[str, Any] = {}
     for name, value in best.items():
         place = build

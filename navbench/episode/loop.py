@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
 from navbench.episode.perception import Perception
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
-from navbench.episode.starts import Jitter, check_fits, draw_starts
+from navbench.episode.starts import Jitter, draw_starts
 from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
 from navbench.mathematics.streams import stream
-from navbench.records import Outcome, RobotRecord
+from navbench.records import Outcome, RobotRecord, Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
-from navbench.simulation.bullet import Simulator
-from navbench.simulation.options import SimulatorOptions
-from navbench.simulation.scene import Scene
+from navbench.simulation.base import Simulator
+from navbench.simulation.motion import RobotState
+from navbench.validation import DescriptionError
 from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(slots=True)
 class _Pilot:
-    """One robot's controller with its sensors, and what is kept of its way."""
+    """One robot's controller with its sensors, and what is kept of its trajectory."""
 
     controller: Controller
     perception: Perception
@@ -39,6 +39,7 @@ class _Pilot:
     latencies_s: list[float] = field(default_factory=list)
     outcome: Outcome = "timed_out"
     reason: str = ""
+    hit: Thing | None = None
     end_s: float = 0.0
     _in_order: Callable[[Mapping[str, float]], tuple[float, ...]] = field(default=lambda _: ())
     _packed: Callable[..., bytes] = bytes
@@ -73,40 +74,40 @@ class EpisodeRunner:
 
     Args:
         make_controller: makes one controller object, for one robot.
+        make_simulator: makes a simulator of a robot, its sensors and the wheel-acceleration limit in force.
         native: what the controller was drawn for, or None.
         world: the world.
         robot: the robot that drives.
         sensors: the sensor suite, as drawn: it is scaled here.
-        options: the simulator's options.
         seed: the seed of all streams.
         jitter: of the starts.
 
     Raises:
-        DescriptionError: these do not fit together (see ``check_fits``).
+        DescriptionError: these do not fit together (see ``World.check_fits``).
     """
 
     def __init__(
         self,
+        *,
         make_controller: Callable[[], Controller],
+        make_simulator: Callable[[Robot, Sensors, float | None], Simulator],
         native: Native | None,
         world: World,
         robot: Robot,
         sensors: Sensors,
-        options: SimulatorOptions,
         seed: int,
         jitter: Jitter,
     ) -> None:
-        check_fits(world, robot)
+        world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed = make_controller, seed
-        self._scene = Scene(world)
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
         self._period_s = period_s(native, self._similarity)
         self._setup = native_setup(robot, self._sensors, native)
         accel_max = accel_max_mps2(robot, native, self._similarity)
-        self._simulator = Simulator(robot, self._sensors, options, accel_max)
+        self.simulator = make_simulator(robot, self._sensors, accel_max)
 
     def __enter__(self) -> "EpisodeRunner":
         """Return the runner itself."""
@@ -114,7 +115,7 @@ class EpisodeRunner:
 
     def __exit__(self, *_: object) -> None:
         """Close the simulator."""
-        self._simulator.close()
+        self.simulator.close()
 
     def run(self, episode: int) -> list[RobotRecord]:
         """Run one episode and return a record a robot.
@@ -122,30 +123,32 @@ class EpisodeRunner:
         Args:
             episode: its index, which names its streams.
         """
-        starts = self.starts(episode)
-        simulator, time_limit_s = self._simulator, self._template.time_limit_s
-        simulator.reset(self._scene, starts)
+        try:
+            starts = self.starts(episode)
+        except DescriptionError as error:  # one bad draw costs its episode, not the study
+            return [RobotRecord.lost(i, "no_layout", str(error)) for i in range(self._template.robots)]
+        simulator, time_limit_s = self.simulator, self._template.time_limit_s
+        simulator.reset(self._world, starts, self._template.goal_tolerance_m)
         pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
         for i, pilot in enumerate(pilots):
             if pilot.outcome == "controller_error":
                 simulator.stop(i)
-        rows = simulator.rows()
+        states = simulator.states()
         periods = math.ceil(time_limit_s / self._period_s - 1e-9)
         for k in range(periods):
             if not simulator.running:
                 break
             t_s = k * self._period_s
-            rows = self._period(pilots, rows, t_s, min(self._period_s, time_limit_s - t_s))
-        return [self._record(i, pilot, rows[i]) for i, pilot in enumerate(pilots)]
+            states = self._period(pilots, states, t_s, min(self._period_s, time_limit_s - t_s))
+        return [self._record(i, pilot, states[i]) for i, pilot in enumerate(pilots)]
 
     def starts(self, episode: int) -> list[Pose]:
         """Draw an episode's layout and return where its robots begin, see ``draw_starts``."""
-        world = self._template.drawn_for(self.seed, episode)
-        self._scene = Scene(world)
-        return draw_starts(self._scene, self._robot.radius_m, self._jitter, self.seed, episode)
+        self._world = self._template.drawn_for(self.seed, episode)
+        return draw_starts(self._world, self._robot.radius_m, self._jitter, self.seed, episode)
 
     def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
-        world = self._scene.world
+        world = self._world
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
         perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
@@ -157,20 +160,18 @@ class EpisodeRunner:
             return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
         return _Pilot(controller, perception)
 
-    def _period(
-        self, pilots: list[_Pilot], before: list[tuple[float, ...]], t_s: float, dt_s: float
-    ) -> list[tuple[float, ...]]:
-        """Let every running robot observe and act, then move all; keep what they did and return their new rows."""
-        simulator = self._simulator
-        active = [i for i, row in enumerate(before) if row[11]]
+    def _period(self, pilots: list[_Pilot], before: list[RobotState], t_s: float, dt_s: float) -> list[RobotState]:
+        """Let every running robot observe and act, then move all; keep what they did and return their new states."""
+        simulator = self.simulator
+        active = [i for i, robot in enumerate(before) if robot.running]
         ranges = simulator.ranges()
         for i in active:
             self._act(pilots[i], i, t_s, before[i], ranges[i])
         events = simulator.advance(t_s, dt_s) if simulator.running else []
         ends = {event.robot_index: event for event in events}
-        after = simulator.rows()
+        after = simulator.states()
         for i in active:
-            pilot, (x, y, heading), row = pilots[i], before[i][:3], after[i]
+            pilot, (x, y, heading, *_) = pilots[i], before[i]
             if pilot.outcome == "controller_error":
                 pilot.states.append((t_s, x, y, heading, 0.0, 0.0))
                 pilot.end_s = t_s
@@ -178,22 +179,23 @@ class EpisodeRunner:
             pilot.end_s = t_s + dt_s
             duration = dt_s
             if i in ends:
-                _, pilot.outcome, pilot.reason, pilot.end_s = ends[i]
+                _, pilot.outcome, pilot.hit, pilot.end_s = ends[i]
                 duration = max(pilot.end_s - t_s, 1e-12)
-            left, right = row[5], row[6]
+            left, right = after[i].left_travel_m, after[i].right_travel_m
             v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
             pilot.states.append((t_s, x, y, heading, v, w))
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
         return after
 
-    def _act(self, pilot: _Pilot, index: int, t_s: float, row: tuple[float, ...], ranges_m: FloatArray) -> None:
+    def _act(self, pilot: _Pilot, index: int, t_s: float, robot: RobotState, ranges_m: FloatArray) -> None:
         """Let one robot observe and act; what it does wrong ends it with a reason."""
-        simulator = self._simulator
-        speed = (0.5 * (row[3] + row[4]), (row[4] - row[3]) / self._robot.track_m)
+        simulator = self.simulator
+        left, right = robot.left_mps, robot.right_mps
+        speed = (0.5 * (left + right), (right - left) / self._robot.track_m)
         discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
         observation = pilot.perception.observe(
-            t_s, Pose(row[0], row[1], row[2]), speed, ranges_m, simulator.touching[index], discs
+            t_s, Pose(robot.x_m, robot.y_m, robot.heading_rad), speed, ranges_m, simulator.touching[index], discs
         )
         try:
             begin = time.perf_counter()
@@ -210,9 +212,9 @@ class EpisodeRunner:
             pilot.outcome, pilot.reason = "controller_error", _reason(error)
             simulator.stop(index)
 
-    def _record(self, index: int, pilot: _Pilot, row: tuple[float, ...]) -> RobotRecord:
+    def _record(self, index: int, pilot: _Pilot, robot: RobotState) -> RobotRecord:
         last = pilot.states[-1] if pilot.states else (0.0,) * 6
-        states = np.array([*pilot.states, (pilot.end_s, *row[:3], *last[4:])])
+        states = np.array([*pilot.states, (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, *last[4:])])
         names = pilot.trace_names or ()
         traces = np.full((len(states), len(names)), np.nan)
         if names:
@@ -222,26 +224,29 @@ class EpisodeRunner:
             traces = traces[: len(states)]
         durations = np.diff(states[:, 0])
         n = len(durations)
-        goal, contacts = self._scene.world.goals[index], self._simulator.contacts[index]
+        goal, contacts = self._world.goals[index], self.simulator.contacts[index]
         if "heading_error_rad" in names:
             errors = traces[:n, names.index("heading_error_rad")]
         else:
             errors = bearing_errors(states[:n, 1:4], goal.x_m, goal.y_m)
         metrics = Metrics(
-            path_length_m=row[9],
+            path_length_m=robot.path_length_m,
             time_s=pilot.end_s,
             collisions=contacts.total,
             robot_collisions=contacts.with_robots,
             standing_collisions=contacts.standing,
-            min_clearance_m=row[8],
-            mean_speed_mps=row[9] / pilot.end_s if pilot.end_s > 0.0 else 0.0,
+            min_clearance_m=robot.min_clearance_m,
+            mean_speed_mps=robot.path_length_m / pilot.end_s if pilot.end_s > 0.0 else 0.0,
             heading_ise=heading_ise(errors, durations),
-            total_turning_rad=row[10],
+            total_turning_rad=robot.turning_rad,
             w_sign_changes=sign_changes(states[:n, 5]),
-            goal_distance_m=math.hypot(goal.x_m - row[0], goal.y_m - row[1]),
+            goal_distance_m=math.hypot(goal.x_m - robot.x_m, goal.y_m - robot.y_m),
         )
         latencies = np.array(pilot.latencies_s)
-        return RobotRecord(index, pilot.outcome, pilot.reason, metrics, states, traces, names, latencies)
+        reason = f"hit {pilot.hit}" if pilot.hit else pilot.reason
+        return RobotRecord(
+            index, pilot.outcome, reason, metrics, states, traces, names, latencies, pilot.hit, self._world
+        )
 
 
 def _reason(error: BaseException) -> str:

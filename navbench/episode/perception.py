@@ -2,10 +2,10 @@
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.contract import Observation, Pose
 from navbench.episode.similarity import Similarity
 from navbench.mathematics.geometry import wrap_angle
@@ -139,7 +139,7 @@ class Perception:
         return seen
 
 
-@numba.njit(cache=True)
+@compiled
 def _err(
     ranges: FloatArray,
     errors: FloatArray,

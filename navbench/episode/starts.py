@@ -6,10 +6,9 @@ from typing import NamedTuple
 from navbench.contract import Pose
 from navbench.mathematics.geometry import wrap_angle
 from navbench.mathematics.streams import stream
-from navbench.robot import Robot
 from navbench.simulation.scene import Scene
 from navbench.validation import DescriptionError
-from navbench.world.world import Start, World
+from navbench.world.layout import DrawnWorld, Start
 
 DRAWS_MAX = 1000  # a start that stays in contact this often has no free place within its jitter
 
@@ -21,22 +20,23 @@ class Jitter(NamedTuple):
     heading_rad: float = 0.0
 
 
-def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
+def draw_starts(world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
     """Return a pose for each of the world's starts, moved at random, drawn again while in contact.
 
     A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
 
     Args:
-        scene: the world at time 0.
+        world: the world as drawn for the episode.
         radius_m: every robot's hull [m].
         jitter: how far the starts are moved.
         seed: of the streams.
         episode: its index, which names its streams.
 
     Raises:
-        DescriptionError: a robot finds no free place.
+        DescriptionError: a robot finds no free place, or the layout does not fit it (see ``Layout.check_fits``).
     """
-    world = scene.world
+    scene = Scene(world)
+    world.check_fits(radius_m, world.goal_tolerance_m)
     poses: list[Pose] = []
     for i, start in enumerate(world.starts):
         rng = stream(seed, world.name, episode, "start", i)
@@ -51,45 +51,13 @@ def draw_starts(scene: Scene, radius_m: float, jitter: Jitter, seed: int, episod
                 poses.append(pose)
                 break
         else:
-            raise DescriptionError(
-                f"start_jitter_m={jitter.position_m}: no free place within it of world.starts[{i}] in episode {episode}"
-            )
+            raise DescriptionError(f"start_jitter_m={jitter.position_m}: no free place within it of starts[{i}]")
     return poses
-
-
-def check_fits(world: World, robot: Robot) -> None:
-    """Check that every robot stands free at its start.
-
-    Raises:
-        DescriptionError: a start lies inside an obstacle or too near to another start.
-    """
-    layout = world.layout
-    if layout is not None:
-        if robot.radius_m >= layout.gap_m:
-            raise DescriptionError(
-                f"world.layout.gap_m={layout.gap_m}: must be more than the robot's radius {robot.radius_m} m"
-            )
-        if layout.swap is not None and layout.swap.neighbours_m() <= 2.0 * robot.radius_m:
-            raise DescriptionError(
-                f"world.layout.swap.spacing_m={layout.swap.spacing_m}: neighbours must stand further apart than two "
-                f"radii of the robot, {2.0 * robot.radius_m} m"
-            )
-    scene = Scene(world)
-    poses: list[Pose] = []
-    for i, start in enumerate(world.starts):
-        pose = Pose(start.x_m, start.y_m, 0.0)
-        if not _free(scene, pose, robot.radius_m, poses):
-            what = "an obstacle" if scene.distance(start.x_m, start.y_m) <= robot.radius_m else "another start"
-            raise DescriptionError(
-                f"world.starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than the robot's radius "
-                f"{robot.radius_m} m from {what}" + ("" if what == "an obstacle" else "'s robot")
-            )
-        poses.append(pose)
 
 
 def _reachable(scene: Scene, start: Start, pose: Pose, radius_m: float) -> bool:
     """Return whether a drawn start lies inside the bounds and on the same side of everything as the world's own."""
-    if not scene.world.bounds.hold(pose.x_m, pose.y_m):
+    if not scene.layout.bounds.hold(pose.x_m, pose.y_m):
         return False
     dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
     steps = math.ceil(math.hypot(dx, dy) / (0.25 * radius_m))

@@ -1,30 +1,29 @@
-"""A cell: one controller in one world on one robot, run for a number of episodes; and a batch of its episodes."""
+"""A cell: one controller in one world on one robot, run for some episodes; and the batches in which they are run."""
 
 import copy
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from navbench.contract import Controller
 from navbench.episode.loop import EpisodeRunner
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
-from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
+from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
 from navbench.validation import DescriptionError
 from navbench.world.world import World
 
-BATCH_EPISODES = 25  # fixed, so that the names of the parts depend on the work alone, never on the workers
+BATCH_MIN, BATCH_MAX = 5, 25  # episodes: fewer are not worth a part's cost, more are too much to lose
+BATCHES = 8  # of a cell whose batches lie between these, so that several cores share even one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,39 +32,76 @@ class Cell:
 
     Attributes:
         names: what its parts are called.
-        configuration: its resolved configuration, of plain values, for the manifest.
+        configuration: its resolved configuration, of plain values: the controller's parameters and, for the manifest,
+            all that stands below as well.
         sources: where each part's parameters come from.
-        make_controller: makes one controller object; it is sent to worker processes.
+        controller: the controller's class, or what else makes one from its parameters.
         native: what the controller was drawn for, or None.
         world: the world.
         robot: the robot.
         sensors: the sensor suite, as drawn.
-        options: the simulator's options.
+        simulator: the simulator's class.
+        options: its options.
         jitter: of the starts.
-        episodes: how many episodes, from index 0.
+        episodes: how many episodes.
         seed: of every stream.
+        first_episode: the index of the first one.
+        name: what the cell is there for; the cells of a comparison share it.
+        label: what tables and reports call its controller; empty for its configuration's name.
         keep_trajectories: whether they are kept beside the table of episodes.
+        tuning: the name of the tuning whose best parameters it takes; empty for none.
+        tuning_seed: that tuning's seed; -1 without one.
     """
 
     names: Names
     configuration: Mapping[str, Any]
     sources: Mapping[str, Any]
-    make_controller: partial[Controller]
+    controller: Callable[..., Controller]
     native: Native | None
     world: World
     robot: Robot
     sensors: Sensors
+    simulator: type[Simulator]
     options: SimulatorOptions
     jitter: Jitter
     episodes: int
     seed: int
+    first_episode: int = 0
+    name: str = "run"
+    label: str = ""
     keep_trajectories: bool = True
+    tuning: str = ""
+    tuning_seed: int = -1
+
+    @property
+    def make_controller(self) -> partial[Controller]:
+        """What makes one controller object; it can be sent to another process."""
+        build = self.configuration["controller"]["build"]
+        return partial(self.controller, **{name: value for name, value in build.items() if name != "_target_"})
+
+    @property
+    def indices(self) -> range:
+        """The indices of its episodes."""
+        return range(self.first_episode, self.first_episode + self.episodes)
 
     def key(self) -> CellKey:
         """Return what results know of this cell."""
         config_hash = digest([self.names, self.configuration])
-        run_id = digest([config_hash, self.seed])
-        return CellKey(self.names, self.configuration, self.sources, config_hash, run_id, self.seed, self.episodes)
+        return CellKey(
+            name=self.name,
+            label=self.label or self.names.controller,
+            names=self.names,
+            configuration=self.configuration,
+            sources=self.sources,
+            config_hash=config_hash,
+            run_id=digest([config_hash, self.seed]),
+            seed=self.seed,
+            episodes=self.episodes,
+            first_episode=self.first_episode,
+            tuning=self.tuning,
+            tuning_seed=self.tuning_seed,
+            packages=self.simulator.packages,
+        )
 
     def with_parameters(self, values: Mapping[str, Any]) -> "Cell":
         """Return the same cell with other parameters of its controller.
@@ -80,29 +116,19 @@ class Cell:
         for name, value in values.items():
             place, last = place_of(name, controller["build"])
             place[last] = value
-        parameters = {name: value for name, value in controller["build"].items() if name != "_target_"}
-        return replace(
-            self,
-            configuration={**self.configuration, "controller": controller},
-            make_controller=partial(self.make_controller.func, **parameters),
-        )
-
-    def batches(self) -> list["Batch"]:
-        """Return the cell's episodes in batches of fixed size."""
-        firsts = range(0, self.episodes, BATCH_EPISODES)
-        return [Batch(self, range(first, min(first + BATCH_EPISODES, self.episodes))) for first in firsts]
+        return replace(self, configuration={**self.configuration, "controller": controller})
 
     def runner(self) -> EpisodeRunner:
         """Return what runs this cell's episodes in this process."""
         return EpisodeRunner(
-            self.make_controller,
-            self.native,
-            self.world,
-            self.robot,
-            self.sensors,
-            self.options,
-            self.seed,
-            self.jitter,
+            make_controller=self.make_controller,
+            make_simulator=partial(self.simulator, self.options),
+            native=self.native,
+            world=self.world,
+            robot=self.robot,
+            sensors=self.sensors,
+            seed=self.seed,
+            jitter=self.jitter,
         )
 
 
@@ -148,35 +174,58 @@ class Batch(NamedTuple):
     episodes: range
 
 
-def run_batch(batch: Batch) -> list[tuple[int, RobotRecord]]:
+def batches_of(cell: Cell, episodes: Sequence[int]) -> list[Batch]:
+    """Return some episodes of a cell in batches, which depend on nothing else: not on workers, not on other cells.
+
+    Args:
+        cell: the cell.
+        episodes: their indices, rising.
+    """
+    size = min(max(BATCH_MIN, math.ceil(len(episodes) / BATCHES)), BATCH_MAX)
+    batches: list[Batch] = []
+    for episode in episodes:
+        last = batches[-1].episodes if batches else range(0)
+        if last.stop == episode and 0 < len(last) < size:
+            batches[-1] = Batch(cell, range(last.start, episode + 1))
+        else:
+            batches.append(Batch(cell, range(episode, episode + 1)))
+    return batches
+
+
+Records = list[tuple[int, RobotRecord]]  # of a batch: each episode's index with the record of each of its robots
+
+
+def run_batch(batch: Batch) -> Records:
     """Run a batch and return (episode, record) pairs, by episode and robot."""
     with batch.cell.runner() as runner:
         return [(episode, record) for episode in batch.episodes for record in runner.run(episode)]
+
+
+def attempt_batch(batch: Batch) -> Records | DescriptionError:
+    """Run a batch, or return why it cannot be run: it costs its own episodes and no others."""
+    try:
+        return run_batch(batch)
+    except DescriptionError as error:
+        return error
 
 
 def _pieces(batch: Batch) -> list[Batch]:
     return [Batch(batch.cell, range(episode, episode + 1)) for episode in batch.episodes]
 
 
-def _lost(batch: Batch) -> list[tuple[int, RobotRecord]]:
+def _lost(batch: Batch) -> Records:
     """Return what is known of episodes whose process died: that it did."""
-    metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0, 0, 0, math.nan)
     reason = "the controller's process died"
-    return [
-        (
-            episode,
-            RobotRecord(i, "controller_error", reason, metrics, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0)),
-        )
-        for episode in batch.episodes
-        for i in range(batch.cell.world.robots)
-    ]
+    robots = range(batch.cell.world.robots)
+    return [(episode, RobotRecord.lost(i, "controller_error", reason)) for episode in batch.episodes for i in robots]
 
 
-def _join(parts: Sequence[list[tuple[int, RobotRecord]]]) -> list[tuple[int, RobotRecord]]:
-    return [pair for part in parts for pair in part]
+def _join(parts: Sequence[Records | DescriptionError]) -> Records | DescriptionError:
+    failed = next((part for part in parts if isinstance(part, DescriptionError)), None)
+    return failed or [pair for part in parts if not isinstance(part, DescriptionError) for pair in part]
 
 
-EPISODES: Work[Batch, list[tuple[int, RobotRecord]]] = Work(run_batch, _pieces, _lost, _join)
+EPISODES: Work[Batch, Records | DescriptionError] = Work(attempt_batch, _pieces, _lost, _join)
 
 
 def digest(value: Any) -> str:

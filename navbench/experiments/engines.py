@@ -6,6 +6,7 @@ only the piece that kills is lost, and the rest of the work goes on.
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -150,9 +151,10 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
 
 def _die_with(driver: int) -> None:
     """End this worker soon after its driver was killed: nobody would read what it has to say, and it would wait."""
+    from psutil import Process
 
     def watch() -> None:
-        while os.getppid() == driver:
+        while (parent := Process().parent()) is not None and parent.pid == driver:
             time.sleep(1.0)
         os._exit(1)
 
@@ -162,8 +164,8 @@ def _die_with(driver: int) -> None:
 @contextmanager
 def _starting_processes() -> Iterator[None]:
     """Hold Ctrl-C back for a moment: loky's threads would be left half made, and the processes would answer it too."""
-    if threading.current_thread() is not threading.main_thread():  # where Python does not let handlers be set
-        yield
+    if threading.current_thread() is not threading.main_thread() or sys.platform == "win32":
+        yield  # Python lets no other thread set handlers, and Windows has no mask of signals
         return
     import multiprocessing.resource_tracker
 

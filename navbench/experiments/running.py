@@ -1,67 +1,254 @@
-"""Run cells and keep what they did."""
+"""Run a plan and keep what it did: tunings, then cells side by side; what is there already is not run again."""
 
-from collections.abc import Callable, Sequence
+import logging
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from navbench.experiments.cells import EPISODES, Cell
-from navbench.experiments.engines import run
-from navbench.experiments.store import Results, batch_name, discard_empty, existing
-from navbench.records import StudyCell
+from navbench.experiments.cells import EPISODES, Cell, digest
+from navbench.experiments.code import code_of, commit, roots_of
+from navbench.experiments.engines import Work, run
+from navbench.experiments.plan import Plan, batches_of_all
+from navbench.experiments.store import Results, batch_name, discard_empty, existing, tuning_name, unfinished_name
+from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, run_tuning
+from navbench.records import TuningKey
+from navbench.validation import DescriptionError
 
-Progress = Callable[[int, int], None]  # how many batches are done, of how many
+LOG = logging.getLogger("navbench")
+PARTS = ("episodes", "trajectories", "latency")
+SEARCH = "navbench.tuning.search"  # from which the code of a tuning is reached, beside that of its episodes
+
+Progress = Callable[[str, int, int], None]  # what is under way, how much of it is done, of how much
 
 
-def run_cells(cells: Sequence[Cell], path: Path, workers: int | None = None) -> Results:
-    """Run every episode of the cells, write each batch as it finishes, and return the results.
+class Ran(NamedTuple):
+    """How a plan ended.
+
+    Attributes:
+        results: what it left.
+        finished: how many of the planned episodes are there.
+        planned: how many there should be.
+        reasons: why the others are not.
+    """
+
+    results: Results
+    finished: int
+    planned: int
+    reasons: tuple[str, ...]
+
+
+def run_plan(
+    plan: Plan,
+    path: Path,
+    workers: int | None = None,
+    engine: str = "local",
+    progress: Progress = lambda *_: None,
+    *,
+    other_code: bool = False,
+) -> Ran:
+    """Run what is missing of a plan, and write each part as it finishes.
 
     Args:
-        cells: what to run.
-        path: the results directory; it may hold earlier results of the same work, which are replaced.
+        plan: what is to run.
+        path: the results directory. What an earlier call finished there is not run again, unless code that makes it
+            has changed since; parts that are not of the plan are removed.
         workers: processes; None for one a core. A run with a window stays in this process.
+        engine: where to run, see ``engines.run``.
+        progress: told as the work goes on.
+        other_code: whether to keep what other code made, too.
 
     Raises:
-        DescriptionError: a cell cannot be run, or the directory holds results of other work.
+        DescriptionError: the directory holds other work, or nothing of the plan can be run.
+        ValueError: a cost is not finite.
     """
     results, there = Results(path), existing(path)
-    results.begin([StudyCell(cell.key(), "run", cell.names.controller) for cell in cells])
+    if any(cell.options.gui for cell in plan.cells):
+        workers = 1
+    running = _Running(plan, results, workers, engine, progress, other_code)
+    begun = False
     try:
-        run_batches(cells, results, workers, resume=False)
-        results.end()
-    except BaseException:
-        results.abandon()
+        running.begin()
+        begun = True
+        running.search()
+        ran = running.drive()
+    except BaseException as error:
+        if begun and isinstance(error, ValueError):  # what cannot be run is not gone on with
+            results.keep_only(["evaluations"], [tuning_name(tuning.key()) for tuning in plan.tunings])
+        if begun:
+            results.write_csv()
+            results.abandon()
         discard_empty(path, there)
         raise
-    return results
+    results.end()
+    return ran
 
 
-def run_batches(
-    cells: Sequence[Cell],
-    results: Results,
-    workers: int | None,
-    *,
-    resume: bool,
-    engine: str = "local",
-    progress: Progress | None = None,
-) -> None:
-    """Run the batches of some cells and write each as it finishes.
+def best_of(results: Results, tuning: Tuning) -> tuple[int, float, dict[str, Any]]:
+    """Return the first evaluation with the least cost of a finished tuning: its index, its cost, its parameters."""
+    table = results.evaluations_of(tuning.key())
+    best = int(table["cost"].to_numpy().argmin())
+    return (
+        best,
+        float(table["cost"].iloc[best]),
+        {side.name: table[side.name].tolist()[best] for side in tuning.dimensions},
+    )
 
-    Args:
-        cells: what to run; equal cells run once.
-        results: where to keep it.
-        workers: processes; None for one a core. A run with a window stays in this process.
-        resume: whether to leave out the batches whose parts are there.
-        engine: where to run, see ``engines.run``.
-        progress: told after each batch.
-    """
-    keys = {id(cell): cell.key() for cell in cells}
-    once = {keys[id(cell)].run_id: cell for cell in cells}
-    todo = [batch for cell in once.values() for batch in cell.batches()]
-    if resume:
-        todo = [b for b in todo if not results.has("episodes", batch_name(keys[id(b.cell)], b.episodes))]
-    if any(cell.options.gui for cell in cells):
-        workers = 1
-    for done, (index, records) in enumerate(run(EPISODES, todo, engine, workers), 1):
-        batch = todo[index]
-        results.write_batch(keys[id(batch.cell)], batch.episodes, records, batch.cell.keep_trajectories)
-        if progress is not None:
-            progress(done, len(todo))
+
+class _Search(NamedTuple):
+    """A tuning to be run, where it is kept, and the digest of its code."""
+
+    tuning: Tuning
+    results: Results
+    code: str
+
+    @property
+    def key(self) -> TuningKey:
+        return self.tuning.key()
+
+
+def _search(
+    search: _Search, workers: int | None = 1, progress: Callable[[TuningRecord], None] = lambda _: None
+) -> Evaluation:
+    """Run a tuning from where an earlier call left it, keep it, and return what was best."""
+    key, results = search.key, search.results
+    known: list[Evaluation] = []
+    if results.has("evaluations", unfinished_name(key)):
+        table = results.evaluations_of(key, whole=False)
+        known = [Evaluation(*row) for row in table[list(Evaluation._fields)].itertuples(index=False)]
+
+    def keep(record: TuningRecord) -> None:
+        results.write_evaluations(key, record.columns(), search.code, whole=False)
+        progress(record)
+
+    record = run_tuning(search.tuning, workers, known, keep)
+    results.write_evaluations(key, record.columns(), search.code)
+    return record.evaluations[record.best_index]
+
+
+def _refuse(search: _Search) -> Evaluation:
+    raise DescriptionError(f"tuning {search.tuning.name}, seed {search.tuning.seed}: its process died")
+
+
+SEARCHES: Work[_Search, Evaluation] = Work(_search, lambda search: [search], _refuse, lambda done: done[0])
+
+
+@dataclass(slots=True)
+class _Running:
+    """A plan under way; the fields are the arguments of ``run_plan``."""
+
+    plan: Plan
+    results: Results
+    workers: int | None
+    engine: str
+    progress: Progress
+    other_code: bool
+    _codes: dict[tuple[str, ...], dict[str, str]] = field(default_factory=dict)  # of each set of classes
+    _changed: list[str] = field(default_factory=list)
+
+    def begin(self) -> None:
+        """Write the manifest of what is known."""
+        tunings = [tuning.key() for tuning in self.plan.tunings]
+        for key in tunings:
+            self._code(key.configuration, SEARCH)
+        for cell in self.plan.cells:
+            self._code(cell.configuration)
+        self._changed = self._write_manifest([cell for cell in self.plan.cells if not cell.tuning])
+
+    def search(self) -> None:
+        """Run the tunings that are missing: side by side, or where there are too few, each on all cores."""
+        keys = [tuning.key() for tuning in self.plan.tunings]
+        codes = [self._code(key.configuration, SEARCH) for key in keys]
+        whole = dict(zip(map(tuning_name, keys), codes, strict=True))
+        parts = whole | dict(zip(map(unfinished_name, keys), codes, strict=True))
+        self.results.keep_only(["evaluations"], parts)
+        stale = self._of_other_code("evaluations", parts)
+        self.results.keep_only(["evaluations"], set(parts) - stale)
+        todo = [
+            _Search(tuning, self.results, code)
+            for tuning, (name, code) in zip(self.plan.tunings, whole.items(), strict=True)
+            if not self.results.has("evaluations", name)
+        ]
+        budgets = [search.tuning.budget for search in todo]
+        done = 0
+        if len(todo) >= (self.workers or os.cpu_count() or 1) > 1:
+            for index, _ in run(SEARCHES, todo, self.engine, self.workers):
+                done += budgets[index]
+                self.progress("evaluations", done, sum(budgets))
+        else:
+            for search, budget in zip(todo, budgets, strict=True):
+                _search(search, self.workers, partial(self._tell, done, sum(budgets)))
+                done += budget
+
+    def _tell(self, before: int, of: int, record: TuningRecord) -> None:
+        best = record.evaluations[record.best_index].cost
+        self.progress(f"best cost {best:.6g}, evaluations", before + len(record.evaluations), of)
+
+    def drive(self) -> Ran:
+        """Run the episodes that are missing, those of all cells side by side."""
+        results = self.results
+        cells = [self._tuned(cell) for cell in self.plan.cells]
+        self._write_manifest(cells)
+        self._write_descriptions(cells)
+        batches = {batch_name(key, batch.episodes): (key, batch) for key, batch in batches_of_all(cells)}
+        codes = {name: self._code(batch.cell.configuration) for name, (_, batch) in batches.items()}
+        results.keep_only(PARTS, batches)
+        stale = self._of_other_code("episodes", codes)
+        todo = [name for name in batches if name in stale or not results.has("episodes", name)]
+        planned = sum(len(batch.episodes) for _, batch in batches.values())
+        finished = planned - sum(len(batches[name][1].episodes) for name in todo)
+        if todo:
+            self.progress("episodes", finished, planned)
+        reasons: dict[str, None] = {}
+        workers = self.workers or (os.cpu_count() if len(batches) > 1 else 1)  # so that one that is left can die alone
+        for index, records in run(EPISODES, [batches[name][1] for name in todo], self.engine, workers):
+            key, batch = batches[todo[index]]
+            if isinstance(records, DescriptionError):
+                reasons[f"{key.label} in {key.names.world}: {records}"] = None
+                continue
+            results.write_batch(key, batch.episodes, records, batch.cell.keep_trajectories, codes[todo[index]])
+            finished += len(batch.episodes)
+            self.progress("episodes", finished, planned)
+        if not finished:
+            raise DescriptionError(next(iter(reasons)))
+        return Ran(results, finished, planned, tuple(reasons))
+
+    def _tuned(self, cell: Cell) -> Cell:
+        """Return a cell with the parameters of its tuning."""
+        for tuning in self.plan.tunings:
+            if (tuning.name, tuning.seed) == (cell.tuning, cell.tuning_seed):
+                return cell.with_parameters(best_of(self.results, tuning)[2])
+        return cell
+
+    def _write_manifest(self, cells: Sequence[Cell]) -> list[str]:
+        files = {name: found for code in self._codes.values() for name, found in code.items()}
+        tunings = [tuning.key() for tuning in self.plan.tunings]
+        planned = {"episodes": self.plan.episodes()}
+        return self.results.begin([c.key() for c in cells], tunings, self.plan.study, planned, files, commit())
+
+    def _code(self, configuration: Any, *roots: str) -> str:
+        """Return the digest of the code that a configuration runs through."""
+        roots = (*roots, *roots_of(configuration))
+        if roots not in self._codes:
+            self._codes[roots] = code_of(roots)
+        return digest(self._codes[roots])
+
+    def _of_other_code(self, kind: str, codes: Mapping[str, str]) -> set[str]:
+        """Return the parts that other code made and that are to be made anew, and say and note what was changed."""
+        results = self.results
+        found = {n for n, code in codes.items() if results.has(kind, n) and results.code_of(kind, n) != code}
+        if found:
+            results.record_resume(self._changed, len(found), self.other_code)
+            said = ", ".join(self._changed) or "see resumed in its manifest"
+            done = "they are kept" if self.other_code else "they are run anew; resume=other-code would keep them"
+            LOG.warning("%s: %d parts are of other code (%s): %s", results.path, len(found), said, done)
+        return set() if self.other_code else found
+
+    def _write_descriptions(self, cells: Sequence[Cell]) -> None:
+        """Write the tables that the cells' controllers offer of themselves, the first cell of each controller's."""
+        for name, cell in {cell.names.controller: cell for cell in reversed(cells)}.items():
+            if self.plan.study and hasattr(cell.controller, "describe"):
+                for part, table in cell.make_controller().describe().items():  # type: ignore[attr-defined]
+                    self.results.write_description(f"{name}-{part}", table)

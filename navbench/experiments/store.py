@@ -4,6 +4,7 @@ A part is written under a temporary name and renamed, and its name depends only 
 that was finished, and the same work writes the same bytes.
 """
 
+import hashlib
 import json
 import os
 import platform
@@ -15,15 +16,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navbench.records import CellKey, RobotRecord, StudyCell, TuningKey
+from navbench.records import CellKey, Names, RobotRecord, TuningKey
 from navbench.validation import DescriptionError
+from navbench.world.layout import layout_id
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
 SCHEMA_VERSION = 1
-PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "pybullet", "hydra-core", "scipy")
+PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "hydra-core", "scipy")
+CODE = b"navbench.code"  # under which a part names the code that made it
 STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
 
 
@@ -42,46 +45,77 @@ class Results:
         self.path = path
 
     def begin(
-        self, cells: Sequence[StudyCell], tunings: Sequence[TuningKey] = (), study: Mapping[str, Any] | None = None
-    ) -> None:
-        """Make the directory and write the manifest of what is about to run.
+        self,
+        cells: Sequence[CellKey],
+        tunings: Sequence[TuningKey] = (),
+        study: Mapping[str, Any] | None = None,
+        planned: Mapping[str, int] | None = None,
+        code: Mapping[str, str] | None = None,
+        commit: str | None = None,
+    ) -> list[str]:
+        """Make the directory, write the manifest of what is about to run, and return which code changed since.
 
-        A run refuses a directory with results of other work. A study takes up what it left there.
+        A directory with the same work is taken up. Of a study only the name must be the same, for its file is edited.
 
         Args:
             cells: what will run, as far as it is known.
             tunings: what will be searched.
             study: the study's name, claims and report as plain values; None for a run.
+            planned: how many episodes are planned.
+            code: a digest of each module that makes rows.
+            commit: the git commit of navbench's sources.
+
+        Returns:
+            The modules whose code is not what it was when something was last run here.
 
         Raises:
             ResultsError: the directory holds results of other work.
         """
-        manifest = {
+        manifest: dict[str, Any] = {
             "schema_version": SCHEMA_VERSION,
             "study": study,
+            "planned": planned or {"episodes": sum(cell.episodes for cell in cells)},
             "cells": [_described(cell) for cell in cells],
             "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
-            "versions": {name: version(name) for name in PACKAGES},
+            "versions": {name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.packages)})},
             "python": platform.python_version(),
             "platform": f"{platform.system()} {platform.machine()}",
+            "commit": commit,
+            "code": code or {},
+            "resumed": [],
             "began": _now(),
             "ended": None,
         }
+        changed: list[str] = []
         if (self.path / "manifest.json").exists():
             old = self.manifest()
-            if study is None and any(old[key] != manifest[key] for key in ("study", "cells", "tunings")):
+            if _is_other_work(old, manifest):
                 raise ResultsError(f"{self.path}: holds the results of other work; choose another directory")
-            if study is not None and (old["study"] or {}).get("name") != study["name"]:
-                raise ResultsError(f"{self.path}: holds the results of other work; choose another directory")
+            before = old.get("code", {})
+            manifest |= {key: old[key] for key in ("began", "resumed") if key in old}
+            changed = [name for name, now in manifest["code"].items() if before.get(name) != now]
         elif self.path.is_dir() and any(self.path.glob("*/part-*.parquet")):
             raise ResultsError(f"{self.path}: holds parts without a manifest; choose another directory")
         self._write_json("manifest.json", manifest)
+        return changed
+
+    def record_resume(self, changed: Sequence[str], parts: int, kept: bool) -> None:
+        """Write into the manifest that parts of other code were there: which modules had changed, and what was done.
+
+        Args:
+            changed: the modules.
+            parts: how many parts.
+            kept: whether they were kept; else they were run anew.
+        """
+        manifest = self.manifest()
+        note = {"when": _now(), "changed": list(changed), "parts": parts, "kept": kept}
+        self._write_json("manifest.json", {**manifest, "resumed": [*manifest["resumed"], note]})
 
     def abandon(self) -> None:
-        """Remove what was written of a run of which no batch was finished."""
-        if any((self.path / "episodes").glob("part-*.parquet")):
+        """Remove what was written of a run of which nothing was finished."""
+        if any((self.path / "episodes").glob("part-*.parquet")) or any((self.path / "evaluations").glob("*.parquet")):
             return
-        for kind in ("latency", "trajectories", "episodes"):
+        for kind in ("latency", "trajectories", "layouts", "episodes"):
             for part in (self.path / kind).glob("part-*.parquet"):
                 part.unlink()
             discard_empty(self.path / kind, self.path.absolute())
@@ -91,51 +125,107 @@ class Results:
         """Remove the parts of some kinds whose names are not among these: they are of an earlier form of the work."""
         kept = set(names)
         for kind in kinds:
-            for part in (self.path / kind).glob("part-*.parquet"):
+            for part in (self.path / kind).glob("[!.]*.parquet"):
                 if part.name not in kept:
                     part.unlink()
 
-    def end(self) -> None:
-        """Write ``episodes.csv`` for people, and into the manifest when the work ended."""
-        if (self.path / "episodes").is_dir():
+    def write_csv(self) -> None:
+        """Write ``episodes.csv`` for people, of the episodes that are there."""
+        if any((self.path / "episodes").glob("part-*.parquet")):
             self._write("episodes.csv", self.episodes().to_csv(index=False).encode())
+
+    def end(self) -> None:
+        """Write ``episodes.csv``, and into the manifest when the work ended."""
+        self.write_csv()
         self._write_json("manifest.json", {**self.manifest(), "ended": _now()})
+
+    def finished(self) -> dict[str, set[int]]:
+        """Return the episodes that are there, of each run, from the names of the parts."""
+        found: dict[str, set[int]] = {}
+        for part in (self.path / "episodes").glob("part-*.parquet"):
+            run_id, first, last = part.stem.removeprefix("part-").rsplit("-", 2)
+            found.setdefault(run_id, set()).update(range(int(first), int(last) + 1))
+        return found
 
     def has(self, kind: str, name: str) -> bool:
         """Return whether a part of a kind ("episodes", "evaluations") is there."""
         return (self.path / kind / name).is_file()
 
+    def code_of(self, kind: str, name: str) -> str:
+        """Return the digest of the code that made a part; empty where the part does not say."""
+        import pyarrow.parquet as pq
+
+        metadata = pq.read_schema(self.path / kind / name).metadata or {}
+        return str(metadata.get(CODE, b"").decode())
+
     def write_batch(
-        self, cell: CellKey, episodes: range, records: Iterable[tuple[int, RobotRecord]], trajectories: bool = True
+        self,
+        cell: CellKey,
+        episodes: range,
+        records: Iterable[tuple[int, RobotRecord]],
+        trajectories: bool = True,
+        code: str = "",
     ) -> None:
-        """Write a batch's episodes, trajectories and latencies, each as one part, the episodes last.
+        """Write a batch's layouts, episodes, trajectories and latencies, each as one part, the episodes last.
 
         Args:
             cell: the cell that they belong to.
             episodes: the batch's episodes.
             records: (episode, record) pairs, in any order.
             trajectories: whether to keep the trajectories.
+            code: a digest of the code that made them.
         """
         ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
         name = batch_name(cell, episodes)
-        self._write_table(f"latency/{name}", _latency_table(cell, ordered))
+        ids = self._write_layouts(ordered)
+        self._write_table(f"latency/{name}", _latency_table(cell, ordered), code)
         if trajectories:
-            self._write_table(f"trajectories/{name}", _trajectory_table(cell, ordered))
-        self._write_table(f"episodes/{name}", _episode_table(cell, ordered))
+            self._write_table(f"trajectories/{name}", _trajectory_table(cell, ordered), code)
+        self._write_table(f"episodes/{name}", _episode_table(cell, ordered, ids), code)
 
-    def write_evaluations(self, tuning: TuningKey, columns: Mapping[str, Any]) -> None:
+    def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> dict[int, str]:
+        """Write the geometry of the layouts that were driven, and return each episode's layout by its id.
+
+        A part is named by what it holds, so that a fixed world's layout is kept once, however many batches and
+        controllers drive in it, and so are the layouts that several controllers meet.
+        """
+        import pyarrow as pa
+
+        made: dict[int, str] = {}  # a fixed world's layout is one object in all episodes
+        ids, texts = {}, {}
+        for episode, record in records:
+            if record.layout is not None and episode not in ids:
+                if id(record.layout) not in made:
+                    text = record.layout.to_json()
+                    made[id(record.layout)] = layout_id(text)
+                    texts[layout_id(text)] = text
+                ids[episode] = made[id(record.layout)]
+        if texts:
+            name = f"layouts/part-{hashlib.sha256(''.join(sorted(texts)).encode()).hexdigest()[:16]}.parquet"
+            if not (self.path / name).is_file():
+                self._write_table(name, pa.table({"layout_id": list(texts), "layout": list(texts.values())}))
+        return ids
+
+    def write_evaluations(
+        self, tuning: TuningKey, columns: Mapping[str, Any], code: str = "", *, whole: bool = True
+    ) -> None:
         """Write what a tuning evaluated: one row an evaluation, in order.
 
         Args:
             tuning: the tuning.
             columns: each column's values: evaluation, cost, reached, robots and the parameters.
+            code: a digest of the code that made them.
+            whole: whether that is all; else it is kept apart, to go on from there.
         """
         import pyarrow as pa
 
         count = len(columns["evaluation"])
         names = {"tuning_id": tuning.tuning_id, "name": tuning.name, "tuner": tuning.tuner, "seed": tuning.seed}
         table = pa.table({**{key: [value] * count for key, value in names.items()}, **columns})
-        self._write_table(f"evaluations/{tuning_name(tuning)}", table)
+        unfinished = f"evaluations/{unfinished_name(tuning)}"
+        self._write_table(f"evaluations/{tuning_name(tuning)}" if whole else unfinished, table, code)
+        if whole:
+            (self.path / unfinished).unlink(missing_ok=True)
 
     def write_description(self, name: str, columns: Mapping[str, Any]) -> None:
         """Write a named table that a controller offers of itself."""
@@ -169,6 +259,11 @@ class Results:
         """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time."""
         return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id)
 
+    def layouts(self) -> dict[str, str]:
+        """Return the layouts that were driven: each one's JSON by its id."""
+        tables = [_table_of(part) for part in sorted((self.path / "layouts").glob("part-*.parquet"))]
+        return {row["layout_id"]: row["layout"] for table in tables for row in table.to_pylist()}
+
     def latency(self) -> "pd.DataFrame":
         """Return how long the controllers took: one row a robot and episode."""
         return self._read("latency", ["run_id", "episode", "robot_index"])
@@ -177,9 +272,10 @@ class Results:
         """Return what the tunings evaluated, sorted by name, tuner, seed and evaluation."""
         return self._read("evaluations", ["name", "tuner", "seed", "evaluation"])
 
-    def evaluations_of(self, tuning: TuningKey) -> "pd.DataFrame":
-        """Return what one tuning evaluated, in order."""
-        evaluations: pd.DataFrame = _table_of(self.path / "evaluations" / tuning_name(tuning)).to_pandas()
+    def evaluations_of(self, tuning: TuningKey, *, whole: bool = True) -> "pd.DataFrame":
+        """Return what one tuning evaluated, in order; or where it is not ``whole``, as far as it came."""
+        name = tuning_name(tuning) if whole else unfinished_name(tuning)
+        evaluations: pd.DataFrame = _table_of(self.path / "evaluations" / name).to_pandas()
         return evaluations
 
     def descriptions(self) -> "dict[str, pd.DataFrame]":
@@ -199,9 +295,11 @@ class Results:
         frame: pd.DataFrame = table.to_pandas()
         return frame.sort_values(order, kind="stable", ignore_index=True)
 
-    def _write_table(self, name: str, table: "pa.Table") -> None:
+    def _write_table(self, name: str, table: "pa.Table", code: str = "") -> None:
         import pyarrow.parquet as pq
 
+        if code:
+            table = table.replace_schema_metadata({CODE: code})
         with _Replacing(self.path / name) as temporary:
             pq.write_table(table, temporary, compression="zstd")
 
@@ -267,24 +365,30 @@ def tuning_name(tuning: TuningKey) -> str:
     return f"part-{tuning.tuning_id}.parquet"
 
 
-def _described(cell: StudyCell) -> dict[str, Any]:
-    key = cell.key
-    return {
-        "run_id": key.run_id,
-        "config_hash": key.config_hash,
-        "name": cell.name,
-        "label": cell.label,
-        "tuning": cell.tuning,
-        "tuning_seed": cell.tuning_seed,
-        **key.names._asdict(),
-        "episodes": key.episodes,
-        "seed": key.seed,
-        "configuration": dict(key.configuration),
-        "sources": dict(key.sources),
-    }
+def unfinished_name(tuning: TuningKey) -> str:
+    """Return the name under which a tuning that goes on keeps what it has evaluated."""
+    return f"unfinished-{tuning.tuning_id}.parquet"
 
 
-def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+def _is_other_work(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    """Return whether a directory's manifest is of other work than a new one; a study's own file may have changed."""
+    names = [(manifest["study"] or {}).get("name", "") for manifest in (old, new)]
+    if names[0] != names[1]:
+        return True
+    if names[0] and not names[0].startswith("tune "):
+        return False
+    mine, others = ([cell for cell in manifest["cells"] if not cell["tuning"]] for manifest in (new, old))
+    return mine != others or bool(old["tunings"] != new["tunings"])
+
+
+def _described(cell: CellKey) -> dict[str, Any]:
+    values = cell._asdict()
+    names: Names = values.pop("names")
+    values.pop("packages")  # they stand among the versions
+    return {**values, **names._asdict(), "configuration": dict(cell.configuration), "sources": dict(cell.sources)}
+
+
+def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]) -> "pa.Table":
     import pyarrow as pa
 
     rows = [
@@ -297,7 +401,10 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
             "robot_index": record.robot_index,
             "outcome": record.outcome,
             "reason": record.reason,
+            "hit": "" if record.hit is None else record.hit.kind,
+            "hit_index": -1 if record.hit is None else record.hit.index,
             **record.metrics._asdict(),
+            "layout_id": layouts.get(episode, ""),
         }
         for episode, record in records
     ]
@@ -350,4 +457,4 @@ def _latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) ->
 def write_table(file: Path, text: str) -> None:
     """Write a table beside results, whole or not at all."""
     with _Replacing(file) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -160,7 +160,7 @@ class Evaluation(NamedTuple):
     """What one point cost.
 
     Attributes:
-        cost: the mean over all robots and episodes.
+        cost: the mean over all robots and episodes that had a layout; infinite without any.
         reached: how many robots reached their goals.
         robots: of how many.
     """
@@ -185,11 +185,6 @@ class TuningRecord(NamedTuple):
     evaluations: tuple[Evaluation, ...]
     best_index: int
 
-    def best(self) -> dict[str, Any]:
-        """Return the best parameters by name."""
-        best = self.values[self.best_index].tolist()
-        return {side.name: side.parameter(value) for side, value in zip(self.dimensions, best, strict=True)}
-
     def columns(self) -> dict[str, Any]:
         """Return all of it as the columns of a table: evaluation, cost, reached, robots and each parameter."""
         columns: dict[str, Any] = {
@@ -204,31 +199,41 @@ class TuningRecord(NamedTuple):
 
 
 def run_tuning(
-    tuning: Tuning, workers: int | None = 1, progress: Callable[[int, float], None] | None = None
+    tuning: Tuning,
+    workers: int | None = 1,
+    known: Sequence[Evaluation] = (),
+    after: Callable[[TuningRecord], None] = lambda _: None,
 ) -> TuningRecord:
     """Run a tuning and return all that it evaluated; the same for any number of workers.
 
     Args:
         tuning: what to search.
         workers: processes for the evaluations of a generation; None for one a core.
-        progress: called after each generation with the number of evaluations and the least cost so far.
+        known: its first evaluations, of an earlier call; whole generations of them are not evaluated again.
+        after: called after each generation that was evaluated, with all so far.
 
     Raises:
         ValueError: a cost is not finite, or a repair leads out of the bounds.
     """
     rng = np.random.default_rng(np.random.SeedSequence([tuning.seed]))
     evaluations: list[Evaluation] = []
+    values = np.empty((0, len(tuning.dimensions)))
     with _evaluator(tuning, workers) as evaluate:
         search = batches(tuning.tuner, tuning.dimensions, tuning.budget, rng, tuning.repair)
         batch = next(search)
         while True:
-            evaluations += evaluate(batch.first_index, batch.values)
-            if progress is not None:
-                progress(len(evaluations), min(evaluation.cost for evaluation in evaluations))
+            end = batch.first_index + len(batch.values)
+            values = np.vstack([values, batch.values])
+            if end <= len(known):
+                evaluations += known[batch.first_index : end]
+            else:
+                evaluations += evaluate(batch.first_index, batch.values)
+                best = min(range(end), key=lambda i: evaluations[i].cost)
+                after(TuningRecord(tuning.dimensions, values, tuple(evaluations), best))
             try:
                 batch = search.send(np.array([e.cost for e in evaluations[batch.first_index :]]))
-            except StopIteration as end:
-                return TuningRecord(tuning.dimensions, end.value.values, tuple(evaluations), end.value.best_index)
+            except StopIteration as ended:
+                return TuningRecord(tuning.dimensions, ended.value.values, tuple(evaluations), ended.value.best_index)
 
 
 class _Part(NamedTuple):
@@ -295,13 +300,15 @@ def _evaluate(
         seed = int(np.random.SeedSequence([tuning.seed, index]).generate_state(1, np.uint64)[0] % SEEDS_MAX)
         parameters = tuning.parameters(point)
         costs: list[float] = []
-        reached = 0
+        reached = robots = 0
         for cell, runner in zip(tuning.cells, runners, strict=True):
             runner.make_controller = cell.with_parameters(parameters).make_controller
             runner.seed = seed
-            for episode in range(cell.episodes):
+            for episode in cell.indices:
                 for record in runner.run(episode):
-                    costs.append(tuning.objective.cost(record))
+                    robots += 1
                     reached += record.outcome == "reached"
-        evaluations.append(Evaluation(math.fsum(costs) / len(costs), reached, len(costs)))
+                    if record.outcome != "no_layout":  # in which the parameters had no part
+                        costs.append(tuning.objective.cost(record))
+        evaluations.append(Evaluation(math.fsum(costs) / len(costs) if costs else math.inf, reached, robots))
     return evaluations

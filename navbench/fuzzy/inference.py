@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from navbench.compiled import compiled
 from navbench.fuzzy.variables import Rules, Table, Term, Variable, number_rules, rules_from_table
 
 __all__ = ["FuzzyInference", "Table", "Tables", "Term", "Variable", "infer", "memberships", "rules_from_table"]
@@ -46,8 +46,7 @@ class Tables(NamedTuple):
     weighted: bool  # weighted mean of peaks, not centroid
 
 
-# Every function that infer calls stands in this file, since numba's cache watches only the file of what it has cached.
-@numba.njit(cache=True)
+@compiled
 def _degree(x: float, shapes: FloatArray, term: int) -> float:
     """Return the membership of x in a term."""
     a, b, c, d = shapes[term, 0], shapes[term, 1], shapes[term, 2], shapes[term, 3]
@@ -63,7 +62,7 @@ def _degree(x: float, shapes: FloatArray, term: int) -> float:
     return 2.0 * m * m if m <= 0.5 else 1.0 - 2.0 * (1.0 - m) * (1.0 - m)
 
 
-@numba.njit(cache=True)
+@compiled
 def _fuzzify(x: float, bounds: FloatArray, shapes: FloatArray, first: int, stop: int, degrees: FloatArray) -> None:
     """Write the membership of x in the terms from first to stop, after saturating or wrapping it."""
     low, high, period = bounds[0], bounds[1], bounds[2]
@@ -77,7 +76,7 @@ def _fuzzify(x: float, bounds: FloatArray, shapes: FloatArray, first: int, stop:
             degrees[t] = max(degrees[t], _degree(x - period, shapes, t), _degree(x + period, shapes, t))
 
 
-@numba.njit(cache=True)
+@compiled
 def _memberships(x: FloatArray, bounds: FloatArray, shapes: FloatArray) -> FloatArray:
     degrees = np.empty((x.size, shapes.shape[0]))
     for i in range(x.size):
@@ -85,7 +84,7 @@ def _memberships(x: FloatArray, bounds: FloatArray, shapes: FloatArray) -> Float
     return degrees
 
 
-@numba.njit(cache=True)
+@compiled
 def _fire(
     ranges: FloatArray,
     shapes: FloatArray,
@@ -110,7 +109,7 @@ def _fire(
     return -1
 
 
-@numba.njit(cache=True)
+@compiled
 def _centroid(
     slots: FloatArray,
     first: int,
@@ -138,7 +137,7 @@ def _centroid(
     return moment / area if area > 0.0 else math.nan
 
 
-@numba.njit(cache=True)
+@compiled
 def _weighted_mean(slots: FloatArray, first: int, stop: int, peaks: FloatArray) -> float:
     """Return sum(strength * peak) / sum(strength) over the terms from first to stop; NaN if none fired."""
     total, moment = 0.0, 0.0
@@ -148,7 +147,7 @@ def _weighted_mean(slots: FloatArray, first: int, stop: int, peaks: FloatArray) 
     return moment / total if total > NEGLIGIBLE else math.nan
 
 
-@numba.njit(cache=True)
+@compiled
 def infer(tables: Tables, values: FloatArray, out: FloatArray) -> int:
     """Write the crisp outputs for the crisp inputs: the whole inference, callable from compiled code.
 

@@ -2,14 +2,15 @@
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from navbench.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 
 
-@numba.njit(cache=True)
+@compiled
 def wrap_angle(angle_rad: float) -> float:
     """Return the angle in (-pi, pi] [rad]."""
     if -math.pi < angle_rad <= math.pi:
@@ -18,7 +19,7 @@ def wrap_angle(angle_rad: float) -> float:
     return wrapped if wrapped > -math.pi else math.pi  # the remainder of a hair is rounded up to a whole turn
 
 
-@numba.njit(cache=True)
+@compiled
 def box_distance(x_m: float, y_m: float, box: FloatArray) -> float:
     """Return the signed distance from a point to a rotated box [m], negative inside.
 
@@ -36,7 +37,7 @@ def box_distance(x_m: float, y_m: float, box: FloatArray) -> float:
     return math.hypot(max(along, 0.0), max(across, 0.0))
 
 
-@numba.njit(cache=True)
+@compiled
 def polygon_distance(x_m: float, y_m: float, polygon: FloatArray) -> float:
     """Return the signed distance from a point to a convex polygon [m], negative inside.
 
@@ -62,7 +63,7 @@ def polygon_distance(x_m: float, y_m: float, polygon: FloatArray) -> float:
     return -nearest if inside else nearest
 
 
-@numba.njit(cache=True)
+@compiled
 def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatArray, polygons: FloatArray) -> float:
     """Return the signed distance from a point to the nearest box, disc or polygon [m], infinite where there is none.
 
@@ -83,7 +84,7 @@ def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatA
     return nearest
 
 
-@numba.njit(cache=True)
+@compiled
 def segment_crossing(ax: float, ay: float, bx: float, by: float, line: FloatArray) -> float:
     """Return where the way from a to b crosses a segment, as a fraction of the way in [0, 1]; -1 where it does not.
 

@@ -2,12 +2,12 @@
 
 import math
 
-import numba
+from navbench.compiled import compiled
 
 _STRAIGHT_RAD = 1e-9  # below this turn the arc is a straight line to the last digit
 
 
-@numba.njit(cache=True)
+@compiled
 def advance_arc(
     x_m: float, y_m: float, heading_rad: float, v_mps: float, w_radps: float, dt_s: float
 ) -> tuple[float, float, float]:
@@ -24,7 +24,7 @@ def advance_arc(
     )
 
 
-@numba.njit(cache=True)
+@compiled
 def closest_approach(
     x_m: float,
     y_m: float,
@@ -58,7 +58,7 @@ def closest_approach(
     return time_s, distance_m
 
 
-@numba.njit(cache=True)
+@compiled
 def ramp_speed(speed_mps: float, target_mps: float, accel_max_mps2: float, dt_s: float) -> tuple[float, float]:
     """Return a wheel's mean and final speed over dt [m/s], driven towards a target at limited acceleration."""
     change = target_mps - speed_mps
@@ -69,7 +69,7 @@ def ramp_speed(speed_mps: float, target_mps: float, accel_max_mps2: float, dt_s:
     return 0.5 * (speed_mps + final), final
 
 
-@numba.njit(cache=True)
+@compiled
 def lag_speed(speed_mps: float, target_mps: float, lag_s: float, dt_s: float) -> tuple[float, float]:
     """Return a wheel's mean and final speed over dt [m/s] behind a first-order lag with this time constant."""
     decay = math.exp(-dt_s / lag_s)

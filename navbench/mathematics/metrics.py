@@ -3,10 +3,10 @@
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.mathematics.geometry import wrap_angle
 
 FloatArray = NDArray[np.float64]
@@ -57,7 +57,7 @@ def heading_ise(errors_rad: FloatArray, durations_s: FloatArray) -> float:
     return float((errors_rad * errors_rad * durations_s).sum())
 
 
-@numba.njit(cache=True)
+@compiled
 def bearing_errors(poses: FloatArray, goal_x_m: float, goal_y_m: float) -> FloatArray:
     """Return the goal's bearing minus the heading, in (-pi, pi] [rad], for (n, 3) poses x, y [m], heading [rad]."""
     errors = np.empty(poses.shape[0])

@@ -4,17 +4,17 @@ import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import world_of
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
+from navbench.world.layout import DrawnWorld
 from navbench.world.shapes import Mover
-from navbench.world.world import World
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,10 +22,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+Panel: TypeAlias = "tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame, pd.DataFrame]"
 
 OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
 MOVER_EDGE = "#5e3f96"
-COLOURS = {"reached": "#1b7f5a", "collided": "#c1121f", "timed_out": "#b5651d", "controller_error": "#6a0dad"}
+COLOURS = {
+    "reached": "#1b7f5a",
+    "collided": "#c1121f",
+    "timed_out": "#b5651d",
+    "controller_error": "#6a0dad",
+    "no_layout": "#7f7f7f",
+}
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 LINES_MAX = 200  # more trajectories than this make a blot, not a picture
 PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness
@@ -151,24 +158,30 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
             _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
 
 
-def save_trajectories(runs: Sequence[Results], file: Path) -> None:
-    """Draw all episodes of some results directories, a panel a cell, and save the picture.
+def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
+    """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
 
     Args:
-        runs: the directories.
+        results: the directory.
+        runs: the run_ids.
         file: where to save; its ending chooses the format.
     """
-    panels = []
-    for results in runs:
-        episodes, trajectories = results.episodes(), results.trajectories()
-        for cell in results.manifest()["cells"]:
-            run = cell["run_id"]
-            panels.append((cell, episodes[episodes["run_id"] == run], trajectories[trajectories["run_id"] == run]))
+    stored, episodes = StoredResults(results), results.episodes()
+    panels = [panel_of(stored, run, episodes[episodes["run_id"] == run]) for run in runs]
     _save_whole(draw_cells(panels), file, {"Software": None} if file.suffix == ".png" else None)
 
 
-def draw_cells(panels: "Sequence[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]") -> "Figure":
-    """Return a figure with a panel per cell: its entry in the manifest, its episodes and its trajectories."""
+def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Panel":
+    """Return what is drawn of a run: its entry in the manifest, what stands in all its episodes, and how they went.
+
+    Raises:
+        ResultsError: it keeps no trajectories.
+    """
+    return stored.configuration(run), stored.world_in_common(run), episodes, stored.trajectories(run)
+
+
+def draw_cells(panels: "Sequence[Panel]") -> "Figure":
+    """Return a figure with a panel per cell."""
     columns = min(3, len(panels))
     figure, axes = new_figure(-(-len(panels) // columns), columns, 5.2, 5.4)
     for ax, panel in zip(axes.ravel(), panels, strict=False):
@@ -178,20 +191,25 @@ def draw_cells(panels: "Sequence[tuple[dict[str, Any], pd.DataFrame, pd.DataFram
     return figure
 
 
-def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajectories: "pd.DataFrame") -> None:
+def draw_cell(
+    ax: "Axes",
+    cell: dict[str, Any],
+    world: DrawnWorld | None,
+    episodes: "pd.DataFrame",
+    trajectories: "pd.DataFrame",
+) -> None:
     """Draw a world with the paths of all episodes, coloured by outcome.
 
     Args:
         ax: where to draw.
         cell: the cell's entry in the manifest.
+        world: what stands in all its episodes; None where no layout could be drawn.
         episodes: its rows of the table of episodes.
         trajectories: its rows of the table of trajectories.
     """
-    world = world_of(cell)
-    if world.layout is not None and cell["episodes"] == 1:
-        world = world.drawn_for(cell["seed"], 0)  # of several episodes, each has another layout
     robot = describe(Robot, cell["configuration"]["robot"], "robot")
-    draw_world(ax, world)
+    if world is not None:
+        draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
     for count, (key, trajectory) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
         if count == LINES_MAX:
@@ -203,7 +221,7 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
         ax.add_patch(
             _circle(trajectory["x_m"].iloc[-1], trajectory["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour)
         )
-    for start in world.starts:
+    for start in () if world is None else world.starts:
         ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
     seen = [name for name in COLOURS if name in set(outcomes.values())]
     handles = [
@@ -213,12 +231,12 @@ def draw_cell(ax: "Axes", cell: dict[str, Any], episodes: "pd.DataFrame", trajec
     ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
 
 
-def draw_world(ax: "Axes", world: World, t_s: float | None = None) -> None:
+def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
     """Draw a world: bounds, boxes, walls, discs, polygons, movers, goals and the finish line.
 
     Args:
         ax: where to draw.
-        world: what to draw, its layout drawn.
+        world: what to draw.
         t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their paths.
     """
     from matplotlib.patches import Polygon

@@ -62,6 +62,10 @@ class Joined(Results):
         """Return the trajectories of one cell."""
         return (self._where[run_id] if run_id else self._runs[0]).trajectories(run_id)
 
+    def layouts(self) -> dict[str, str]:
+        """Return the layouts that were driven: each one's JSON by its id."""
+        return {name: layout for run in self._runs for name, layout in run.layouts().items()}
+
     def evaluations(self) -> "pd.DataFrame":
         """Return the table of evaluations."""
         import pandas as pd

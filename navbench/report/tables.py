@@ -21,7 +21,7 @@ MEANS = (
     "total_turning_rad",
     "w_sign_changes",
 )
-FAILURES = ("collided", "timed_out", "controller_error")
+FAILURES = ("collided", "timed_out", "controller_error", "no_layout")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
 FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
 COUNTS = {"reached": "of", "fleets": "episodes"}  # counts, and of how many
@@ -41,7 +41,7 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 
     Returns:
         Columns controller, world, robot, sensors, simulator, seed, reached of how many, collisions (the sum over all
-        robots), a mean of each metric, how many collided, timed out or met an error of their controller; and robots
+        robots), a mean of each metric, how many failed in each way (see ``FAILURES``); and robots
         (how many drive together), fleets (episodes in which all reached), episodes and the mean makespan_s of those.
     """
     import pandas as pd

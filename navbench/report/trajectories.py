@@ -19,6 +19,7 @@ from navbench.report.figures import (
     label_legend,
     nested_width,
     new_figure,
+    panel_of,
     robot_color,
     thinned,
 )
@@ -99,7 +100,7 @@ def _by_cell(page: Page, select: Select) -> Blocks:
     panels = []
     for run_id, rows in page.stored.select(**select).groupby("run_id", sort=False):
         try:
-            panels.append((page.stored.configuration(str(run_id)), rows, page.stored.trajectories(str(run_id))))
+            panels.append(panel_of(page.stored, str(run_id), rows))
         except ResultsError:  # a cell that keeps none
             continue
     plots = []

@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.records import Outcome
+from navbench.records import Outcome, Thing
 
-HAIR_RADII = 1e-6  # rounding
+ROUNDING_RADII = 1e-6
 
 
 class Event(NamedTuple):
-    """A robot's end: which one, how, why, and when [s]."""
+    """A robot's end: which one, how, what it hit if it did, and when [s]."""
 
     robot_index: int
     outcome: Outcome
-    reason: str
+    hit: Thing | None
     t_s: float
 
 
@@ -27,9 +27,9 @@ class Contacts(NamedTuple):
     with_robots: int = 0
     standing: int = 0
 
-    def and_one(self, reason: str, stands: bool) -> "Contacts":
-        """Return these and one more, which a reason such as "hit robot 2" describes."""
-        return Contacts(self.total + 1, self.with_robots + reason.startswith("hit robot"), self.standing + stands)
+    def plus(self, thing: Thing, stands: bool) -> "Contacts":
+        """Return these and one more, with that thing."""
+        return Contacts(self.total + 1, self.with_robots + (thing.kind == "robot"), self.standing + stands)
 
 
 class ContactLedger:
@@ -47,11 +47,13 @@ class ContactLedger:
         self.any_held = False
         self._held_m: list[float | None] = [None] * robots  # clearance where a robot was held
 
-    def add(self, index: int, reason: str, robots: NDArray[np.void]) -> None:
-        """Count one contact of a robot."""
-        self.counts[index] = self.counts[index].and_one(reason, _stands(robots, index))
+    def add(self, index: int, thing: Thing, robots: NDArray[np.void]) -> None:
+        """Count one contact of a robot, which stands if its wheels did through the present substep."""
+        robot = robots[index]
+        stands = bool(robot["left_mean_mps"] == 0.0 and robot["right_mean_mps"] == 0.0)
+        self.counts[index] = self.counts[index].plus(thing, stands)
 
-    def hold(self, hit: Mapping[int, str], robots: NDArray[np.void], radius_m: float) -> None:
+    def hold(self, hit: Mapping[int, Thing], robots: NDArray[np.void], radius_m: float) -> None:
         """Count those who are held now: a contact lasts until a robot is further from things than where it was held.
 
         Args:
@@ -65,12 +67,7 @@ class ContactLedger:
                 if held_m is None:
                     self.add(i, hit[i], robots)
                 self._held_m[i] = clearance_m if held_m is None else max(held_m, clearance_m)
-            elif held_m is not None and clearance_m > held_m + HAIR_RADII * radius_m:
+            elif held_m is not None and clearance_m > held_m + ROUNDING_RADII * radius_m:
                 self._held_m[i] = None
             self.touching[i] = i in hit
         self.any_held = any(held_m is not None for held_m in self._held_m)
-
-
-def _stands(robots: NDArray[np.void], index: int) -> bool:
-    """Return whether a robot's wheels stood through the present substep: it did not drive into what it touches."""
-    return bool(robots[index]["left_mean_mps"] == 0.0 and robots[index]["right_mean_mps"] == 0.0)

@@ -1,4 +1,4 @@
-"""How an episode is simulated: the options of the simulator."""
+"""How an episode is simulated: the options that every simulator has."""
 
 from typing import Literal
 
@@ -9,10 +9,10 @@ from navbench.validation import STRICT, Flag, NonNegative
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class SimulatorOptions:
-    """The simulator's options.
+    """The options of every simulator; one that has more describes them in a subclass.
 
     Attributes:
-        gui: open PyBullet's window and run in real time.
+        gui: open a window, where the simulator has one, and run in real time.
         drive: "ideal": no slip, within the robot's wheel-speed and acceleration limits; "limited": the same behind a
             motor lag and a command delay.
         on_collision: "end": a robot that hits ends; "block": it is held at its last free pose and counted.

@@ -1,11 +1,12 @@
 """The ring's rays: where they begin and end on the robot, and how hits become readings."""
 
 import math
+from itertools import pairwise
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import compiled
 from navbench.mathematics.geometry import box_distance, distance_to_nearest
 from navbench.sensors import Sensors
 
@@ -25,28 +26,25 @@ RAY = np.dtype(
         ("is_only_one", "i8"),  # of its sensor
     ]
 )
-HAIR_RADII = 0.01  # more than the engine's own tolerance, 0.001 units where a radius has 4 or more
+HAIR_RADII = 0.01  # an engine may err by less than this about where a thing begins
 
 
 class Rays:
-    """A ring's rays in the robot frame, in simulation units, and how hits become readings.
+    """A ring's rays in the robot frame, and how hits become readings.
 
     A ray begins where its line enters the hull, so that a thing between the hull and a mount outside it reads 0.
 
     Attributes:
-        begins: each ray's beginning.
-        ends: each ray's end.
-        nothing: (n_sensors,) what is read where nothing is seen [m].
+        table: (n_rays,) of ``RAY``.
+        unobstructed: what each sensor reads where nothing is seen [m].
         reach_m: what is further from the hull is hit by no ray [m].
         exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
     """
 
-    def __init__(self, sensors: Sensors, radius_m: float, scale: float) -> None:
-        self.begins: list[tuple[float, float, float]] = []
-        self.ends: list[tuple[float, float, float]] = []
+    def __init__(self, sensors: Sensors, radius_m: float) -> None:
         rays: list[tuple[float, ...]] = []
         reach, exposed = 0.0, 0.0
-        self.nothing = [float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()]
+        self.unobstructed = [float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()]
         for sensor, mount in enumerate(sensors.complete_mounts()):
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
             for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
@@ -59,54 +57,52 @@ class Rays:
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
                 rays.append((*begin, *end, back + limit, back, sensor, count == 1))
-                self.begins.append((begin[0] * scale, begin[1] * scale, 0.0))
-                self.ends.append((end[0] * scale, end[1] * scale, 0.0))
-        self._rays = np.array(rays, RAY)
+        self.table = np.array(rays, RAY)
         self._readings = [(length_m, offset_m, int(sensor)) for *_, length_m, offset_m, sensor, _ in rays]
         self._radius_m = radius_m
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
 
-    def decisive(
+    def deciding(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
-    ) -> list[int]:
-        """Return the numbers of those rays of the running robots that may be what their sensors read.
+    ) -> list[list[int]]:
+        """Return, for each robot, the numbers of those rays that may be what their sensors read.
 
-        They may hit something, perhaps by a hair, and no other ray of the same sensor surely reads less.
+        They may hit something, perhaps by a hair, and no other ray of the same sensor surely reads less. Of a robot
+        that has ended there are none.
 
         Args:
             robots: (n,) of ``ROBOT``.
-            boxes: (k, 6) as in ``World.box_rows``.
-            discs: (m, 5) as in ``World.disc_rows``.
-            polygons: (l, ...) as in ``World.polygon_rows``.
-
-        Returns:
-            Where in this list each robot's numbers begin and where the last one's end, n + 1 places; then the numbers.
+            boxes: (k, 6) as in ``Layout.box_rows``.
+            discs: (m, 5) as in ``Layout.disc_rows``.
+            polygons: (l, ...) as in ``Layout.polygon_rows``.
         """
-        asked: list[int] = _decisive(robots, self._radius_m, self.reach_m, self._rays, boxes, discs, polygons).tolist()
-        return asked
+        found = _deciding(robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons).tolist()
+        return [found[begin:end] for begin, end in pairwise(found[: len(robots) + 1])]
 
     def read(self, rays: list[int], fractions: list[float]) -> list[float]:
         """Return one robot's readings [m], for the share of each of these rays that is free."""
-        readings = self.nothing.copy()
+        readings = self.unobstructed.copy()
         for ray, free in zip(rays, fractions, strict=True):
             if free < 1.0:
                 length_m, offset_m, sensor = self._readings[ray]
                 readings[sensor] = min(readings[sensor], max(free * length_m - offset_m, 0.0))
         return readings
 
-    def bury(
-        self,
-        ranges: FloatArray,
-        x_m: float,
-        y_m: float,
-        heading_rad: float,
-        boxes: FloatArray,
-        discs: FloatArray,
-        polygons: FloatArray,
+    def blind_inside_things(
+        self, ranges: FloatArray, robot: np.void, boxes: FloatArray, discs: FloatArray, polygons: FloatArray
     ) -> None:
-        """Set to 0, in place, the readings of sensors with a ray that begins inside something: it hits nothing."""
-        _bury(ranges, self._rays, x_m, y_m, heading_rad, boxes, discs, polygons)
+        """Set to 0, in place, a robot's readings of sensors with a ray that begins inside something: it hits nothing.
+
+        Args:
+            ranges: (n_sensors,) the readings [m].
+            robot: of ``ROBOT``.
+            boxes: as above.
+            discs: as above, and the other robots.
+            polygons: as above.
+        """
+        pose = robot["x_m"], robot["y_m"], robot["heading_rad"]
+        _blind_inside_things(ranges, self.table, *pose, boxes, discs, polygons)
 
 
 def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:
@@ -121,8 +117,8 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
     return along - math.sqrt(square)
 
 
-@numba.njit(cache=True)
-def _decisive(
+@compiled
+def _deciding(
     robots: NDArray[np.void],
     radius_m: float,
     reach_m: float,
@@ -131,6 +127,7 @@ def _decisive(
     discs: FloatArray,
     polygons: FloatArray,
 ) -> IntArray:
+    """Return where in this array each robot's numbers begin and where the last one's end, n + 1 places; then these."""
     hair = HAIR_RADII * radius_m
     asked = np.empty(robots.shape[0] * (1 + rays.shape[0]) + 1, np.int64)
     least = np.empty(rays.shape[0])  # what each ray may read at least
@@ -173,7 +170,7 @@ def _decisive(
     return asked[:count]
 
 
-@numba.njit(cache=True)
+@compiled
 def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: IntArray) -> int:
     """Write the numbers of the boxes that come this near to a point, and return how many do."""
     count = 0
@@ -184,7 +181,7 @@ def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: In
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _circles_within(
     x: float,
     y: float,
@@ -216,7 +213,7 @@ def _circles_within(
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_circle(
     ax: float,
     ay: float,
@@ -229,7 +226,7 @@ def _enters_circle(
     hair: float,
     enough: float,
 ) -> tuple[float, float]:
-    """Return the least and the largest share of the way from a along u at which a circle may be hit, or infinity.
+    """Return the least and the largest share of the ray from a to a + u at which a circle may be hit, or infinity.
 
     The least is that of a circle larger by a hair, the largest that of one smaller by a hair; it is infinite where the
     circle may be passed, or a may lie in it, since a ray does not hit what it begins in. Where even the least is not
@@ -253,11 +250,11 @@ def _enters_circle(
     return low, high if high < 1.0 else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_box(
     ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float, enough: float
 ) -> tuple[float, float]:
-    """Return the least and the largest share of the way from a along u at which a box may be hit, as for a circle."""
+    """Return the least and the largest share of the ray from a to a + u at which a box may be hit, as for a circle."""
     low = _enters_sides(ax, ay, ux, uy, boxes, box, hair)
     if low == 0.0 or low >= enough:
         return low, math.inf
@@ -265,9 +262,9 @@ def _enters_box(
     return low, high if high < 1.0 else math.inf
 
 
-@numba.njit(cache=True)
+@compiled
 def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray, box: int, hair: float) -> float:
-    """Return at which share of the way from a along u a box larger by a hair is entered, 0 from inside, or infinity."""
+    """Return what share of the ray is free before a box larger by a hair, 0 from inside, or infinity without a hit."""
     dx, dy = ax - boxes[box, 0], ay - boxes[box, 1]
     cosine, sine = boxes[box, 4], boxes[box, 5]
     low, high = 0.0, 1.0
@@ -286,8 +283,8 @@ def _enters_sides(ax: float, ay: float, ux: float, uy: float, boxes: FloatArray,
     return low if low <= high else math.inf
 
 
-@numba.njit(cache=True)
-def _bury(
+@compiled
+def _blind_inside_things(
     ranges: FloatArray,
     rays: NDArray[np.void],
     x_m: float,

@@ -122,6 +122,7 @@ def points_of(minimise: Callable[[Objective], object]) -> Generator[FloatArray, 
     # A daemon, since a generator that is still alive when the program ends must not hold the program up.
     thread = Thread(target=work, name="navbench-minimiser", daemon=True)
     thread.start()
+    is_finalizing = sys.is_finalizing  # a local name, which outlives the module
     try:
         while (points := asked.get()) is not None:
             if isinstance(points, BaseException):
@@ -129,4 +130,5 @@ def points_of(minimise: Callable[[Objective], object]) -> Generator[FloatArray, 
             answers.put((yield points))
     finally:
         answers.put(None)
-        thread.join()
+        if not is_finalizing():  # then no other thread runs any more
+            thread.join()

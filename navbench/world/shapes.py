@@ -3,17 +3,17 @@
 import math
 from collections.abc import Iterator, Sequence
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass
 
+from navbench.compiled import compiled
 from navbench.validation import STRICT, DescriptionError, Flag, NonNegative, Number, Positive
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+@dataclass(frozen=True, slots=True, config=STRICT)
 class Bounds:
     """The rectangle that holds every centre and frames every picture; it does not block [m]."""
 
@@ -27,12 +27,17 @@ class Bounds:
         if self.x_min_m >= self.x_max_m or self.y_min_m >= self.y_max_m:
             raise DescriptionError("x_min_m must be below x_max_m, and y_min_m below y_max_m")
 
+    @classmethod
+    def of(cls, width_m: float, height_m: float) -> "Bounds":
+        """Return the rectangle of this size [m] whose lower left corner is the origin."""
+        return cls(0.0, width_m, 0.0, height_m)
+
     def hold(self, x_m: float, y_m: float) -> bool:
         """Return whether a point lies inside or on the edge."""
         return self.x_min_m <= x_m <= self.x_max_m and self.y_min_m <= y_m <= self.y_max_m
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+@dataclass(frozen=True, slots=True, config=STRICT)
 class Box:
     """A rectangle around its centre, ``length_m`` along its heading and ``width_m`` across it [m, rad]."""
 
@@ -43,7 +48,7 @@ class Box:
     heading_rad: Number = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+@dataclass(frozen=True, slots=True, config=STRICT)
 class Disc:
     """A round obstacle [m]."""
 
@@ -52,7 +57,7 @@ class Disc:
     radius_m: Positive
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+@dataclass(frozen=True, slots=True, config=STRICT)
 class Wall:
     """A straight wall between two points, thickened by half its thickness to either side [m]."""
 
@@ -60,7 +65,7 @@ class Wall:
     y1_m: Number
     x2_m: Number
     y2_m: Number
-    thickness_m: Positive
+    thickness_m: Positive = 0.05
 
     def __post_init__(self) -> None:
         """Check that the wall has a length."""
@@ -68,7 +73,7 @@ class Wall:
             raise DescriptionError("a wall's two ends must be different points")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+@dataclass(frozen=True, slots=True, config=STRICT)
 class Point:
     """A point in the plane [m]."""
 
@@ -199,7 +204,7 @@ def polygon_table(outlines: Sequence[tuple[float, float, float, Sequence[Point]]
     return rows
 
 
-@numba.njit(cache=True)
+@compiled
 def place_movers(t_s: float, phases: FloatArray, legs: FloatArray, discs: FloatArray) -> None:
     """Write the movers' places and velocities at a time into the last rows of ``discs``.
 

@@ -13,7 +13,7 @@ import os
 import platform
 import sys
 import tempfile
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from typing import Any
 
@@ -144,7 +144,7 @@ JOBS = (*(("run", words) for words in CELLS), *(("tune", words) for words in TUN
 
 def machine() -> dict[str, str]:
     """Return what the last bit may hang on."""
-    names = ("numpy", "numba", "llvmlite", "pybullet")
+    names = ("numpy", "numba", "llvmlite", packages_distributions()["pybullet"][0])
     return {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}",
             "libc": " ".join(platform.libc_ver()), **{name: version(name) for name in names}}  # fmt: skip
 

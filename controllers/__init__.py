@@ -1,1 +1,0 @@
-"""Navigation methods, one folder per paper, each reading like its paper."""

@@ -1,0 +1,55 @@
+"""Tables and figures again, from results directories; nothing is run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from navbench.cli.words import sort_words
+from navbench.validation import DescriptionError
+
+HELP = """navbench report DIR... [out=DIR]: rebuild tables and figures from results directories, and run nothing
+navbench report join=DIR: join the reports in a directory into its README.md
+
+  --trust                                           run measures and sections that the results name outside navbench
+"""
+KEYS = ("out", "join")
+
+
+def report(arguments: Sequence[str]) -> int:
+    """Rebuild tables and figures from results directories, or join the reports in one."""
+    words = sort_words(arguments, ("--trust",))
+    if words.help:
+        print(HELP, end="")
+        return 0
+    from navbench.experiments.store import Results
+    from navbench.report.joined import write_joined
+    from navbench.report.reports import write_report
+
+    given: dict[str, Path] = {}
+    for word in words.overrides:
+        key, _, value = word.partition("=")
+        if key not in KEYS or not value:
+            raise DescriptionError(f"{word}: unknown key; allowed with report: out=DIR, join=DIR")
+        given[key] = Path(value)
+    if "join" in given:
+        if words.names or "out" in given:
+            raise DescriptionError(f"join={given['join']}: stands alone; it writes into that directory")
+        print(f"report: {write_joined(given['join'])}")
+        return 0
+    if not words.names:
+        raise DescriptionError("report: name at least one results directory")
+    for name in words.names:
+        if not Path(name).is_dir():
+            raise DescriptionError(f"report {name}: there is no such directory")
+    runs = [Results(Path(name)) for name in words.names]
+    study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
+    own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder
+    out = given.get("out", Path("results") / study if own else runs[0].path / "report")
+    print_written(write_report(runs, out, trust=words.trust))
+    return 0
+
+
+def print_written(written: Sequence[Path]) -> None:
+    """Print where each report lies and how much was written beside it."""
+    for file in written:
+        if file.name == "report.md":
+            print(f"report: {file} ({len(written)} files)")

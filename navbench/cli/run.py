@@ -1,0 +1,44 @@
+"""One cell, or a sweep of several: composed, run side by side, and told as one table."""
+
+import shlex
+from collections.abc import Sequence
+
+from navbench.cli.composing import composing
+from navbench.cli.configuration import cell_of
+from navbench.cli.flow import carry_out
+from navbench.cli.progress import complain
+from navbench.cli.tables import print_tables
+from navbench.cli.words import sort_words
+from navbench.experiments.cells import Cell
+from navbench.experiments.plan import Plan
+from navbench.validation import DescriptionError
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the cells that the words describe, print their table, and return the exit code."""
+    words = sort_words(arguments, ("--config-dir", "--multirun", "--cfg"))
+    with composing(words.config_dir) as composer:
+        if words.names:
+            raise DescriptionError(f"{words.names[0]}: cannot be read; a word is key=value")
+        if words.cfg:
+            print(composer.text("run", words.overrides), end="")
+            return 0
+        composed, path = composer.command("run", words.overrides, sweep=words.multirun)
+    cells: list[Cell] = []
+    wrong: dict[str, int] = {}
+    for index, one in enumerate(composed):
+        try:
+            cells.append(cell_of(one))
+        except DescriptionError as error:
+            if not words.multirun:
+                raise
+            wrong[f"cell {index}: {error}"] = one.values["episodes"]
+    for why in wrong:
+        complain(why)
+    if not cells:
+        return 2
+    place = f"hydra.{'sweep' if words.multirun else 'run'}.dir"
+    named = any(word.startswith(f"{place}=") for word in words.overrides)
+    again = shlex.join(["navbench", *arguments, *([] if named else [f"{place}={path}"])])
+    options = {"workers": composed[0].values["workers"], "other_code": words.other_code}
+    return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, sum(wrong.values()), **options)

@@ -1,0 +1,65 @@
+"""A study: what is missing of it is run, then its report is written."""
+
+import shlex
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from navbench.cli.catalogue import CONF, files_of
+from navbench.cli.words import sort_words
+from navbench.validation import DescriptionError
+
+HELP = """navbench study NAME: run what is missing of a study into outputs/study/NAME, and write results/NAME/report.md
+
+  engine=local                                      where to run
+  workers=N                                         processes; default one a core
+  resume=other-code                                 keep what was run before navbench or a controller was changed
+  --config-dir DIR                                  a folder with further studies, controllers, worlds and robots
+
+The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
+"""
+KEYS = ("engine", "workers")
+
+
+def study(arguments: Sequence[str]) -> int:
+    """Run what is missing of a study, and write its report."""
+    words = sort_words(arguments)
+    if words.help:
+        print(HELP, end="")
+        return 0
+    known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
+    if len(words.names) != 1 or words.names[0] not in known:
+        raise DescriptionError(f"study {' '.join(words.names)}: name one study; there are {', '.join(known)}")
+    options = _options(words.overrides)
+    from navbench.cli.flow import carry_out
+    from navbench.cli.report import print_written
+    from navbench.cli.study_configuration import compose_study
+    from navbench.experiments.engines import in_processes
+    from navbench.experiments.store import Results
+    from navbench.report.reports import write_report
+
+    name = words.names[0]
+
+    def finish(results: Results) -> None:
+        print_written(write_report([results], Path("results") / name, partial(in_processes, **options), trust=True))
+
+    plan, path = compose_study(name, words.config_dir), Path("outputs/study") / name
+    again = shlex.join(["navbench", "study", *arguments])
+    return carry_out(plan, path, again, finish, other_code=words.other_code, **options)
+
+
+def _options(overrides: Sequence[str]) -> dict[str, Any]:
+    from navbench.experiments.engines import ENGINES
+
+    options: dict[str, Any] = {"engine": "local", "workers": None}
+    for word in overrides:
+        key, _, value = word.partition("=")
+        if key not in KEYS:
+            raise DescriptionError(f"{word}: unknown key; allowed with a study: {', '.join(KEYS)}")
+        if key == "engine" and value not in ENGINES:
+            raise DescriptionError(f"engine={value}: unknown choice; allowed: {', '.join(ENGINES)}")
+        if key == "workers" and not (value.isdecimal() and int(value) >= 1):
+            raise DescriptionError(f"workers={value}: must be a whole number of at least 1")
+        options[key] = int(value) if key == "workers" else value
+    return options

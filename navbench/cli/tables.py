@@ -1,0 +1,100 @@
+"""The table and the picture of a results directory: of a run, a sweep or a tuning, whole or as far as it came."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from navbench.experiments.store import Results, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PANELS_MAX = 30  # a picture of more cells cannot be read
+NAMES = ("controller", "world", "robot", "sensors", "simulator")
+
+
+def print_tables(results: Results) -> None:
+    """Write the tables and the picture, and print what a person asks for first."""
+    from navbench.report.tables import failures, to_text
+
+    table = write_tables(results)
+    print(to_text(table))
+    for line in failures(results.episodes()):
+        print(line)
+    shown = len(_drawn(results))
+    if shown < len(table):
+        print(f"trajectories.png: {shown} of {len(table)} cells, taken evenly from the table")
+    print(f"results: {results.path}")
+
+
+def write_tables(results: Results) -> "pd.DataFrame":
+    """Write the table of the cells that have episodes, as CSV and Markdown, and a picture; and return the table."""
+    from navbench.report.figures import save_trajectories
+    from navbench.report.tables import to_markdown
+
+    table = _table_of(results)
+    write_table(results.path / "table.csv", table.to_csv(index=False))
+    write_table(results.path / "table.md", to_markdown(table))
+    save_trajectories(results, _drawn(results), results.path / "trajectories.png")
+    return table
+
+
+def _drawn(results: Results) -> list[str]:
+    """Return the runs that a picture shows: all that have episodes, or where these are many, as many as can be read."""
+    finished = results.finished()
+    runs = [
+        run_id for run_id in dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"]) if run_id in finished
+    ]
+    return runs[:: -(-len(runs) // PANELS_MAX)]
+
+
+def _table_of(results: Results) -> "pd.DataFrame":
+    """Return a row a cell, in the order of the plan.
+
+    There is a column for each key in which cells of the same names differ, and where episodes are missing, the column
+    ``planned``: how many rows there should be.
+    """
+    from navbench.report.tables import summarize
+
+    manifest = results.manifest()["cells"]
+    cells = {cell["run_id"]: cell for cell in reversed(manifest)}
+    order = {cell["run_id"]: place for place, cell in enumerate(manifest)}
+    table = summarize(results.episodes()).sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
+    mine = [cells[run_id] for run_id in table["run_id"]]
+    table["controller"] = [cell["label"] for cell in mine]
+    _tell_apart(table, mine)
+    planned = _planned(manifest)
+    rows = [len(planned[run_id]) * robots for run_id, robots in zip(table["run_id"], table["robots"], strict=True)]
+    there = results.episodes().groupby("run_id").size()
+    if rows != [there[run_id] for run_id in table["run_id"]]:
+        table.insert(len(NAMES), "planned", rows)
+    return table
+
+
+def _planned(cells: Sequence[Mapping[str, Any]]) -> dict[str, set[int]]:
+    """Return the episodes that were planned of each run."""
+    planned: dict[str, set[int]] = {}
+    for cell in cells:
+        first = cell["first_episode"]
+        planned.setdefault(cell["run_id"], set()).update(range(first, first + cell["episodes"]))
+    return planned
+
+
+def _tell_apart(table: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> None:
+    """Add a column for each key of the configuration in which cells of the same names differ."""
+    values = [dict(_leaves(cell["configuration"])) for cell in cells]
+    keys: dict[str, None] = {}
+    for rows in table.groupby(list(NAMES)).indices.values():
+        alike = [values[row] for row in rows]
+        every = dict.fromkeys(key for leaves in alike for key in leaves)
+        keys |= dict.fromkeys(key for key in every if len({leaves.get(key) for leaves in alike}) > 1)
+    for place, key in enumerate(keys, len(NAMES)):
+        table.insert(place, key, [leaves.get(key, "") for leaves in values])
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield a configuration's dotted keys with their values as words."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, str(value)

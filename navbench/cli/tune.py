@@ -1,0 +1,92 @@
+"""A tuning: every evaluation is kept, the controller is run untuned and tuned, and the tuned one gets a file."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from navbench.cli.catalogue import CONF
+from navbench.cli.words import sort_words
+from navbench.experiments.tunings import Tuning
+from navbench.validation import DescriptionError
+
+HELP = """navbench tune controller=NAME tuner=NAME [...]: search a controller's parameters for the least cost
+
+  tuner= objective=                                 how to search, and for what: `navbench list tuner objective`
+  budget=N                                          how many evaluations
+  world= worlds=[...]                               where, and in which further worlds
+  name=WORD                                         what to call the tuned controller; default TUNER_CONTROLLER
+  +controller.tunable.KEY={low: X, high: X, scale: linear}
+                                                    search one more parameter of the controller, within bounds
+  resume=other-code                                 keep what was run before navbench or the controller was changed
+  --cfg job                                         print the composed configuration and run nothing
+
+and the keys of a run (`navbench --help`): episodes, seed, start_jitter_m, workers, hydra.run.dir, --config-dir, ...
+The same command with the same hydra.run.dir goes on where an earlier one was stopped, after its last generation.
+"""
+SHOWN_MAX = 20  # parameters; of more, a screen shows no better than the file
+
+
+def tune(arguments: Sequence[str]) -> int:
+    """Search a controller's parameters, keep every evaluation, and write the tuned controller's file."""
+    words = sort_words(arguments, ("--config-dir", "--cfg"))
+    if words.help:
+        print(HELP, end="")
+        return 0
+    if words.names:
+        raise DescriptionError(f"{words.names[0]}: unknown word; tune takes key=value, such as tuner=pso")
+    from navbench.cli.composing import composing
+    from navbench.cli.flow import carry_out
+    from navbench.cli.study_configuration import compose_tuning
+    from navbench.cli.tables import print_tables
+    from navbench.cli.tuned import write_controller
+    from navbench.experiments.plan import Plan
+    from navbench.experiments.running import best_of
+    from navbench.experiments.store import Results
+    from navbench.report.figures import save_convergence
+
+    if words.cfg:
+        with composing(words.config_dir) as composer:
+            print(composer.text("tune", words.overrides), end="")
+        return 0
+    tuning, path, workers = compose_tuning(words.overrides, words.config_dir)
+
+    def finish(results: Results) -> None:
+        save_convergence(results, path / "convergence.png")
+        index, cost, best = best_of(results, tuning)
+        file = write_controller(tuning, best, path, words.overrides)
+        print_tables(results)
+        print(f"cost {cost:.6g} at evaluation {index} of {tuning.budget}:")
+        print(_changes(tuning, best))
+        print(f"controller: {file}; {_use(file, tuning.cells[0].names.controller, words.config_dir)}")
+
+    untuned = [replace(cell, name="tune", label=f"untuned {cell.names.controller}") for cell in tuning.cells]
+    tuned = [replace(c, label=tuning.name, tuning=tuning.name, tuning_seed=tuning.seed) for c in untuned]
+    content = {
+        "name": f"tune {tuning.name}",
+        "title": f"{tuning.name} tuned",
+        "summary": "",
+        "claims": {},
+        "report": [],
+    }
+    plan = Plan(cells=(*untuned, *tuned), tunings=(tuning,), study=content)
+    named = any(word.startswith("hydra.run.dir=") for word in words.overrides)
+    again = shlex.join(["navbench", "tune", *arguments, *([] if named else [f"hydra.run.dir={path}"])])
+    return carry_out(plan, path, again, finish, workers=workers, other_code=words.other_code)
+
+
+def _use(file: Path, inherited: str, config_dir: str | None) -> str:
+    """Return how to use a tuned controller's file, which needs the one that it inherits from beside it."""
+    beside = Path(config_dir or CONF) / "controller" / f"{inherited}.yaml"
+    if config_dir and beside.is_file():
+        return f"copy it beside {beside}, and use it with --config-dir {config_dir} controller={file.stem}"
+    return f"use it with --config-dir {file.parents[1]} controller={file.stem}"
+
+
+def _changes(tuning: Tuning, best: dict[str, Any]) -> str:
+    """Return the best parameters, a line each, or where they are many, how many of them the search changed."""
+    if len(best) <= SHOWN_MAX:
+        return "\n".join(f"  {name}: {v:.6g}" if isinstance(v, float) else f"  {name}: {v}" for name, v in best.items())
+    changed = sum(side.start is None or best[side.name] != side.parameter(side.start) for side in tuning.dimensions)
+    return f"  {changed} of {len(best)} parameters changed"

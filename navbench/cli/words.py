@@ -1,0 +1,86 @@
+"""The words of a command line, sorted: flags, key=value, and names."""
+
+import os
+import sys
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+from navbench.cli.catalogue import check_folder
+from navbench.validation import DescriptionError
+
+RESUME = "resume=other-code"
+FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c", "--trust": "--trust"}  # beside -h, --help
+
+
+class Words(NamedTuple):
+    """The words of a command line, sorted.
+
+    Attributes:
+        names: those without ``=``.
+        overrides: those with it.
+        config_dir: the folder after ``--config-dir``, or None.
+        multirun: whether ``-m`` was given.
+        cfg: whether ``--cfg job`` was given.
+        help: whether ``--help`` was given.
+        other_code: whether ``resume=other-code`` was given.
+        trust: whether ``--trust`` was given.
+    """
+
+    names: list[str]
+    overrides: list[str]
+    config_dir: str | None
+    multirun: bool
+    cfg: bool
+    help: bool
+    other_code: bool
+    trust: bool
+
+
+def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",)) -> Words:
+    """Return the words of a command line, sorted, and make the working directory a place to import from.
+
+    Args:
+        arguments: the words, flags standing anywhere between the others.
+        flags: which of ``FLAGS`` may be given.
+
+    Raises:
+        DescriptionError: a flag is unknown, or the folder of configurations is missing.
+    """
+    allowed = ", ".join([*flags, "--help"])
+    parser = _Parser(add_help=False, allow_abbrev=False)
+    parser.add_argument("words", nargs="*")
+    parser.add_argument("-h", "--help", action="store_true")
+    for flag in flags:
+        if flag in ("--multirun", "--trust"):
+            parser.add_argument(flag, FLAGS[flag], action="store_true")
+        else:
+            parser.add_argument(flag, FLAGS[flag], choices=("job",) if flag == "--cfg" else None)
+    given, unknown = parser.parse_known_intermixed_args(list(arguments))
+    if unknown:
+        raise DescriptionError(f"{unknown[0]}: unknown flag; allowed: {allowed}")
+    config_dir: str | None = given.config_dir if "--config-dir" in flags else None
+    if config_dir is not None:
+        check_folder(Path(config_dir))
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
+    overrides = [word for word in given.words if "=" in word or word.startswith("~")]
+    return Words(
+        names=[word for word in given.words if word not in overrides],
+        overrides=[word for word in overrides if word != RESUME],
+        config_dir=config_dir,
+        multirun=getattr(given, "multirun", False),
+        cfg=getattr(given, "cfg", None) is not None,
+        help=given.help,
+        other_code=RESUME in overrides,
+        trust=getattr(given, "trust", False),
+    )
+
+
+class _Parser(ArgumentParser):
+    """Argparse, but what is wrong is raised."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise what argparse would print with its usage."""
+        raise DescriptionError(message.removeprefix("argument "))

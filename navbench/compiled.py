@@ -1,0 +1,147 @@
+"""Compile functions with numba, and keep their machine code under a digest of every source that it may inline.
+
+numba's own cache watches a function's own file alone: machine code in which a changed function of another file was
+inlined would live on. Here every function's code is kept under the digest of all that the floors up to the episode and
+the controllers hold; a user's function also under that of the sources beside its own file.
+
+The files lie in ``NAVBENCH_CACHE_DIR``, else in the user's cache directory, else in a temporary directory of this user.
+Where none of them can be written, functions are compiled anew in each process.
+"""
+
+import hashlib
+import os
+import pickle
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import llvmlite
+import numba
+import platformdirs
+from numba.core import serialize
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_dumps: Callable[[Any], bytes] = serialize.dumps  # pickles what a closure and machine code hold
+ABOVE = ("experiments", "analysis", "report", "cli")  # floors that nothing compiled imports
+FOLDERS_MAX = 40  # states of the sources whose machine code is kept, the last used ones
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function at its first call with arguments of new types; ``NUMBA_DISABLE_JIT=1`` leaves it Python.
+
+    Args:
+        function: takes and returns what numba can type; it may call other compiled functions, of any file.
+    """
+    dispatcher: Any = numba.njit(function)
+    if isinstance(dispatcher, Dispatcher) and os.path.isfile(function.__code__.co_filename):
+        dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined,unused-ignore]
+    return cast(Function, dispatcher)
+
+
+@cache
+def digest_of_sources(beside: str | None = None) -> str:
+    """Return the digest of the sources that compiled functions may inline, and of what compiles them.
+
+    Args:
+        beside: the folder of a user's own sources, which are then part of it.
+    """
+    digest = hashlib.sha256(repr((sys.version, numba.__version__, llvmlite.__version__)).encode())
+    controllers = find_spec("navbench.controllers")  # a link in an editable install, which rglob does not follow
+    roots = [Path(__file__).parent, *map(Path, (controllers and controllers.submodule_search_locations) or ())]
+    files = {file for root in roots for file in root.rglob("*.py") if file.relative_to(root).parts[0] not in ABOVE}
+    for file in sorted(files | set(Path(beside).glob("*.py") if beside else ())):
+        try:
+            digest.update(file.read_bytes())
+        except OSError:  # what cannot be read cannot be imported either
+            continue
+    return digest.hexdigest()[:32]
+
+
+class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
+    """The machine code of one function: a file for each signature, which is only ever replaced as a whole."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        own = function.__module__.startswith("navbench.")
+        self._beside = None if own else os.path.dirname(os.path.abspath(function.__code__.co_filename))
+        self._digest = digest_of_sources(self._beside)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what was kept for a signature, or None."""
+        target_context.refresh()
+        try:
+            kept = self._file(sig, target_context.codegen()).read_bytes()
+            return CompileResult._rebuild(target_context, *pickle.loads(kept))  # type: ignore[no-untyped-call,unused-ignore]
+        except Exception:  # nothing is kept, or a file was cut off, which unpickling may answer with any error
+            return None
+
+    def save_overload(self, sig: Any, cres: Any) -> None:
+        """Keep what was compiled, unless it holds addresses of this process or a source has changed meanwhile."""
+        changed = digest_of_sources.__wrapped__(self._beside) != self._digest
+        if changed or cres.library.has_dynamic_globals or " at 0x" in repr(sig):
+            return
+        try:
+            file = self._file(sig, cres.codegen)
+            with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as written:
+                written.write(_dumps(cres._reduce()))
+            os.replace(written.name, file)
+        except OSError:  # no room, or no right to write: the next process compiles again
+            return
+
+    def _file(self, sig: Any, codegen: Any) -> Path:
+        code = self._function.__code__
+        closed = tuple(cell.cell_contents for cell in self._function.__closure__ or ())
+        name = (self._function.__module__, self._function.__qualname__, code.co_firstlineno)
+        key = repr((*name, code.co_code, _dumps(closed), sig, codegen.magic_tuple()))
+        return _folder(self._digest) / f"{self._function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:32]}"
+
+
+@cache
+def _folder(digest: str) -> Path:
+    """Return the folder of one state of the sources, made in the first place that can be written.
+
+    Raises:
+        OSError: no place can be written.
+    """
+    for place in _places():
+        folder = place / "compiled" / digest
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            os.utime(folder)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            _drop_unused(folder.parent)
+            return folder
+    raise OSError("no folder for compiled functions can be written")
+
+
+def _places() -> Iterator[Path]:
+    """Yield where compiled functions may lie, best first."""
+    yield from (Path(place).absolute() for place in (os.environ.get("NAVBENCH_CACHE_DIR"),) if place)
+    user = platformdirs.user_cache_path("navbench", appauthor=False)
+    if user.is_absolute():  # else the user has no home
+        yield user
+    temporary = Path(tempfile.gettempdir(), f"navbench-{getattr(os, 'getuid', str)()}")
+    temporary.mkdir(mode=0o700, exist_ok=True)
+    found = temporary.lstat()
+    if stat.S_ISDIR(found.st_mode) and (os.name == "nt" or found.st_uid == os.getuid() and not found.st_mode & 0o022):
+        yield temporary  # nobody else can have placed machine code there
+
+
+def _drop_unused(folder: Path) -> None:
+    try:
+        for old in sorted(folder.iterdir(), key=os.path.getmtime)[:-FOLDERS_MAX]:
+            shutil.rmtree(old, ignore_errors=True)
+    except OSError:  # another process drops them just now
+        return

@@ -1,0 +1,285 @@
+"""A layout: one drawn instance of a world, with everything that stands and moves, and each robot's start and goal."""
+
+import hashlib
+import math
+from dataclasses import fields, replace
+from functools import cache
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, TypeAdapter
+from pydantic.dataclasses import dataclass
+
+from navbench.mathematics.geometry import distance_to_nearest, segment_crossing
+from navbench.validation import STRICT, DescriptionError, Number, Positive
+from navbench.world.shapes import (
+    Bounds,
+    Box,
+    Disc,
+    Mover,
+    Point,
+    Polygon,
+    Wall,
+    mover_tables,
+    place_movers,
+    polygon_table,
+)
+
+FloatArray = NDArray[np.float64]
+
+GOAL_BEYOND_LINE_M = 1.0  # a goal behind a finish line is a direction to drive in, so it must not stop the robot early
+
+
+@dataclass(frozen=True, slots=True, config=STRICT)
+class Start:
+    """Where a robot begins [m, rad]; without a heading it looks at its goal."""
+
+    x_m: Number
+    y_m: Number
+    heading_rad: Number | None = None
+
+
+@dataclass(frozen=True, slots=True, config=STRICT)
+class FinishLine:
+    """A line to cross, between two points [m]: where a world has one, arrival is crossing it."""
+
+    x1_m: Number
+    y1_m: Number
+    x2_m: Number
+    y2_m: Number
+
+
+def _start(value: Any) -> Any:
+    return Start(*value) if isinstance(value, tuple) else value
+
+
+def _point(value: Any) -> Any:
+    return Point(*value) if isinstance(value, tuple) else value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class Layout:
+    """One drawn instance of a world, for the robots' size that it was drawn for; it is never scaled.
+
+    A layout is itself a source of layouts: one that always draws itself.
+
+    Attributes:
+        bounds: the rectangle that holds every centre.
+        boxes: rectangular obstacles.
+        discs: round obstacles.
+        polygons: convex obstacles.
+        walls: straight walls.
+        movers: moving discs and polygons.
+        starts: one a robot; a ``Pose`` or a tuple of x and y [m] will do.
+        goals: one a robot; a tuple of x and y [m] will do.
+        finish_line: where there is one, arrival is crossing it, and the goals lie at least 1 m beyond.
+
+    Raises:
+        DescriptionError: starts and goals do not match, or something lies outside the bounds or inside an obstacle.
+    """
+
+    bounds: Bounds
+    boxes: tuple[Box, ...] = ()
+    discs: tuple[Disc, ...] = ()
+    polygons: tuple[Polygon, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    movers: tuple[Mover, ...] = ()
+    starts: tuple[Annotated[Start, BeforeValidator(_start)], ...] = ()
+    goals: tuple[Annotated[Point, BeforeValidator(_point)], ...] = ()
+    finish_line: FinishLine | None = None
+
+    def __post_init__(self) -> None:
+        """Check what no single value shows: counts, bounds, goals inside obstacles, the finish line."""
+        if not self.starts or len(self.starts) != len(self.goals):
+            raise DescriptionError(
+                f"goals: one a start and at least one are needed, got {len(self.goals)} for {len(self.starts)} starts"
+            )
+        b = self.bounds
+        inside = f"inside the bounds x [{b.x_min_m}, {b.x_max_m}], y [{b.y_min_m}, {b.y_max_m}]"
+        centres: dict[str, tuple[Start | Point | Box | Disc, ...]] = {
+            "starts": self.starts,
+            "goals": self.goals,
+            "boxes": self.boxes,
+            "discs": self.discs,
+        }
+        for key, things in centres.items():
+            for i, centre in enumerate(things):
+                if not b.hold(centre.x_m, centre.y_m):
+                    raise DescriptionError(f"{key}[{i}]: ({centre.x_m}, {centre.y_m}) must lie {inside}")
+        for i, polygon in enumerate(self.polygons):
+            if not all(b.hold(corner.x_m, corner.y_m) for corner in polygon.corners):
+                raise DescriptionError(f"polygons[{i}]: must lie {inside}")
+        obstacles = self.box_rows(), self.disc_rows(), self.polygon_rows()
+        for i, goal in enumerate(self.goals):
+            if distance_to_nearest(goal.x_m, goal.y_m, *obstacles) < 0.0:
+                raise DescriptionError(f"goals[{i}]: ({goal.x_m}, {goal.y_m}) must lie outside every obstacle")
+        if self.finish_line is not None:
+            self._check_finish_line(self.finish_line)
+
+    def _check_finish_line(self, line: FinishLine) -> None:
+        ends = np.array([line.x1_m, line.y1_m, line.x2_m, line.y2_m])
+        length = math.hypot(line.x2_m - line.x1_m, line.y2_m - line.y1_m)
+        if length == 0.0:
+            raise DescriptionError("finish_line: its two ends must be different points")
+        for i, (start, goal) in enumerate(zip(self.starts, self.goals, strict=True)):
+            beyond = abs((line.x2_m - line.x1_m) * (goal.y_m - line.y1_m) -
+                         (line.y2_m - line.y1_m) * (goal.x_m - line.x1_m)) / length  # fmt: skip
+            if segment_crossing(start.x_m, start.y_m, goal.x_m, goal.y_m, ends) < 0.0 or beyond < GOAL_BEYOND_LINE_M:
+                raise DescriptionError(
+                    f"goals[{i}]: must lie at least {GOAL_BEYOND_LINE_M:g} m beyond the finish line, seen from "
+                    f"starts[{i}]; it lies {beyond:.3g} m from it"
+                )
+
+    def draw(self, rng: np.random.Generator, episode: int) -> "Layout":
+        """Return itself, whatever the episode."""
+        return self
+
+    def check_fits(self, radius_m: float, goal_tolerance_m: float) -> None:
+        """Check that every robot stands free at its start and can come near enough to its goal.
+
+        Args:
+            radius_m: every robot's hull [m].
+            goal_tolerance_m: how near to its goal a robot's centre must come [m].
+
+        Raises:
+            DescriptionError: a start lies too near to an obstacle or to another start, or a goal to an obstacle.
+        """
+        obstacles = self.box_rows(), self.disc_rows(), self.polygon_rows()
+        for i, start in enumerate(self.starts):
+            place = f"starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than"
+            if distance_to_nearest(start.x_m, start.y_m, *obstacles) <= radius_m:
+                raise DescriptionError(f"{place} the robot's radius {radius_m} m from an obstacle")
+            if any(math.hypot(start.x_m - o.x_m, start.y_m - o.y_m) <= 2.0 * radius_m for o in self.starts[:i]):
+                raise DescriptionError(f"{place} two radii of the robot, {2.0 * radius_m} m, from another start")
+        if self.finish_line is not None:
+            return
+        still = obstacles[0], obstacles[1][: len(self.discs)], obstacles[2][: len(self.polygons)]
+        for i, goal in enumerate(self.goals):
+            away = distance_to_nearest(goal.x_m, goal.y_m, *still)
+            if away + goal_tolerance_m < radius_m:
+                raise DescriptionError(
+                    f"goals[{i}]: ({goal.x_m}, {goal.y_m}) lies {away:.3g} m from an obstacle, where a robot of radius "
+                    f"{radius_m} m cannot come nearer to it than goal_tolerance_m={goal_tolerance_m}"
+                )
+
+    def start_heading_rad(self, index: int) -> float:
+        """Return a start's heading [rad]: its own, or the direction of its goal."""
+        start, goal = self.starts[index], self.goals[index]
+        if start.heading_rad is not None:
+            return start.heading_rad
+        return math.atan2(goal.y_m - start.y_m, goal.x_m - start.x_m)
+
+    def solids(self) -> tuple[Box, ...]:
+        """Return everything rectangular: the boxes, then the walls as boxes."""
+        walls = (
+            Box(
+                x_m=0.5 * (wall.x1_m + wall.x2_m),
+                y_m=0.5 * (wall.y1_m + wall.y2_m),
+                length_m=math.hypot(wall.x2_m - wall.x1_m, wall.y2_m - wall.y1_m),
+                width_m=wall.thickness_m,
+                heading_rad=math.atan2(wall.y2_m - wall.y1_m, wall.x2_m - wall.x1_m),
+            )
+            for wall in self.walls
+        )
+        return (*self.boxes, *walls)
+
+    def box_rows(self) -> FloatArray:
+        """Return boxes and walls as (n, 6) rows: centre x, y, half length, half width, cos and sin of the heading."""
+        rows = [
+            (box.x_m, box.y_m, 0.5 * box.length_m, 0.5 * box.width_m, math.cos(box.heading_rad),
+             math.sin(box.heading_rad))
+            for box in self.solids()
+        ]  # fmt: skip
+        return np.array(rows).reshape(-1, 6)
+
+    def disc_rows(self, t_s: float = 0.0) -> FloatArray:
+        """Return discs, then round movers at a time [s], as (n, 5) rows: x, y, radius [m], vx, vy [m/s]."""
+        still = [(disc.x_m, disc.y_m, disc.radius_m, 0.0, 0.0) for disc in self.discs]
+        moving = [(0.0, 0.0, mover.radius_m, 0.0, 0.0) for mover in self.round_movers()]
+        rows = np.array(still + moving).reshape(-1, 5)
+        place_movers(t_s, *mover_tables(self.round_movers()), rows)
+        return rows
+
+    def polygon_rows(self, t_s: float = 0.0) -> FloatArray:
+        """Return polygons, then outlined movers at a time [s], as rows of ``polygon_table``."""
+        still = []
+        for polygon in self.polygons:
+            xs, ys = [p.x_m for p in polygon.corners], [p.y_m for p in polygon.corners]
+            x, y = sum(xs) / len(xs), sum(ys) / len(ys)
+            around = [Point(x_m=p.x_m - x, y_m=p.y_m - y) for p in polygon.corners]
+            still.append((x, y, max(math.hypot(p.x_m, p.y_m) for p in around), around))
+        moving = [(0.0, 0.0, mover.radius_m, mover.outline) for mover in self.outlined_movers()]
+        rows = polygon_table([*still, *moving])
+        place_movers(t_s, *mover_tables(self.outlined_movers()), rows)
+        return rows
+
+    def round_movers(self) -> tuple[Mover, ...]:
+        """Return the movers that are discs."""
+        return tuple(mover for mover in self.movers if not mover.outline)
+
+    def outlined_movers(self) -> tuple[Mover, ...]:
+        """Return the movers that are polygons."""
+        return tuple(mover for mover in self.movers if mover.outline)
+
+    @property
+    def robots(self) -> int:
+        """How many robots drive."""
+        return len(self.starts)
+
+    @property
+    def fastest_mps(self) -> float:
+        """The largest speed of any mover [m/s]."""
+        return max((max(mover.speeds_mps) for mover in self.movers), default=0.0)
+
+    def to_json(self) -> str:
+        """Return its geometry as JSON that ``layout_of`` reads back to the last bit."""
+        return _json().dump_json(self, exclude_defaults=True).decode()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class DrawnWorld(Layout):
+    """A layout with what its world says of an episode in it.
+
+    Attributes:
+        name: the world's configuration name, which also names its random streams.
+        goal_tolerance_m: how near to its goal a robot's centre must come [m].
+        time_limit_s: when an episode ends for every robot still running [s].
+    """
+
+    name: str
+    goal_tolerance_m: Positive
+    time_limit_s: Positive
+
+    def __post_init__(self) -> None:
+        """Check nothing again: it was checked as a layout."""
+
+
+def parts_of(layout: Layout) -> dict[str, Any]:
+    """Return a layout's own fields and their values."""
+    return {item.name: getattr(layout, item.name) for item in fields(Layout)}
+
+
+def layout_of(text: str) -> Layout:
+    """Return the layout that ``Layout.to_json`` wrote."""
+    return _json().validate_json(text)
+
+
+def layout_id(text: str) -> str:
+    """Return sixteen digits of the SHA-256 of a layout's JSON: what results call it."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def in_common(worlds: "list[DrawnWorld]") -> DrawnWorld:
+    """Return what stands and moves in all of some drawn worlds, at least one, within the bounds of the first."""
+    parts: dict[str, Any] = {
+        name: tuple(thing for thing in things if all(thing in getattr(world, name) for world in worlds[1:]))
+        for name, things in parts_of(worlds[0]).items()
+        if isinstance(things, tuple)
+    }
+    return replace(worlds[0], **parts)
+
+
+@cache
+def _json() -> TypeAdapter[Layout]:
+    return TypeAdapter(Layout)

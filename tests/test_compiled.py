@@ -1,0 +1,167 @@
+"""The cache of compiled functions: what it notices, where it lies, and what it survives.
+
+Each process here compiles two small functions of a copy of the tree: ``turn`` of a controller calls ``wrap`` of another
+file, and prints its value and how often its machine code came from the cache.
+"""
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import navbench
+from navbench.compiled import ABOVE
+
+PACKAGE = Path(navbench.__file__).parent
+WRAP = "from navbench.compiled import compiled\n\n@compiled\ndef wrap(x):\n    return x + {}\n"
+TURN = """
+from navbench.compiled import compiled
+from {} import wrap
+
+@compiled
+def turn(x):
+    return 10.0 * wrap(x)
+"""
+CALL = "from {} import turn; print(turn(1.0), sum(getattr(turn, 'stats').cache_hits.values()))"
+OURS = "navbench.controllers.paper.turning"
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A working tree as an editable install has it: controllers behind a link."""
+    tree = tmp_path / "tree"
+    for name in ("navbench/mathematics", "controllers/paper"):
+        (tree / name).mkdir(parents=True)
+        (tree / name / "__init__.py").touch()
+    for name in ("__init__.py", "compiled.py"):
+        shutil.copy(PACKAGE / name, tree / "navbench")
+    (tree / "controllers/__init__.py").touch()
+    (tree / "navbench/controllers").symlink_to("../controllers")
+    (tree / "navbench/mathematics/wrapping.py").write_text(WRAP.format(1.0))
+    (tree / "controllers/paper/turning.py").write_text(TURN.format("navbench.mathematics.wrapping"))
+    return tree
+
+
+def start(tree: Path, program: str = CALL.format(OURS), **settings: str | None) -> "subprocess.Popen[str]":
+    """Start a process that sees the tree; a setting of None is no variable."""
+    given = {"PYTHONPATH": f"{tree}:{tree.parent}", "NAVBENCH_CACHE_DIR": str(tree.parent / "cache")} | settings
+    environment = {name: value for name, value in (dict(os.environ) | given).items() if value is not None}
+    return subprocess.Popen(
+        [sys.executable, "-B", "-c", program],
+        env=environment, cwd=tree.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def said(process: "subprocess.Popen[str]") -> str:
+    out, err = process.communicate()
+    assert (process.returncode, err) == (0, "")
+    return out.strip()
+
+
+def kept(cache: Path) -> list[Path]:
+    return sorted(path for path in cache.rglob("*") if path.is_file())
+
+
+def test_a_second_process_takes_what_the_first_has_compiled_and_nothing_lies_beside_the_sources(tree: Path) -> None:
+    before = kept(tree)
+    assert [said(start(tree)), said(start(tree))] == ["20.0 0", "20.0 1"]
+    assert kept(tree) == before
+    assert len(kept(tree.parent / "cache" / "compiled")) == 2
+
+
+def test_a_changed_function_of_another_file_is_compiled_into_all_that_call_it(tree: Path) -> None:
+    assert said(start(tree)) == "20.0 0"
+    (tree / "navbench/mathematics/wrapping.py").write_text(WRAP.format(2.0))
+    assert said(start(tree)) == "30.0 0"
+    (tree / "navbench/mathematics/wrapping.py").write_text(WRAP.format(1.0))
+    assert said(start(tree)) == "20.0 1"
+
+
+def test_a_users_function_notices_ours_and_the_files_beside_it(tree: Path) -> None:
+    mine = tree.parent / "mine.py"
+    mine.write_text(TURN.format("helper"))
+    helper = "import navbench.mathematics.wrapping as ours\n" + WRAP.replace("x + {}", "ours.wrap(x) + {}")
+    (tree.parent / "helper.py").write_text(helper.format(1.0))
+    call = CALL.format("mine")
+    assert [said(start(tree, call)), said(start(tree, call))] == ["30.0 0", "30.0 1"]
+    (tree.parent / "helper.py").write_text(helper.format(2.0))
+    assert said(start(tree, call)) == "40.0 0"
+    (tree / "navbench/mathematics/wrapping.py").write_text(WRAP.format(2.0))
+    assert said(start(tree, call)) == "50.0 0"
+
+
+def test_a_source_that_changes_after_its_import_leaves_nothing_in_the_cache(tree: Path) -> None:
+    edit = f"import pathlib; pathlib.Path({str(tree / 'navbench/mathematics/wrapping.py')!r}).write_text('')"
+    assert said(start(tree, CALL.format(OURS).replace(";", f"; {edit};"))) == "20.0 0"
+    assert kept(tree.parent / "cache") == []
+
+
+def test_eight_processes_may_start_at_once(tree: Path) -> None:
+    assert {said(process) for process in [start(tree) for _ in range(8)]} <= {"20.0 0", "20.0 1"}
+    assert len(kept(tree.parent / "cache")) == 2
+    assert said(start(tree)) == "20.0 1"
+
+
+@pytest.mark.parametrize("length", [0, 100, -1])
+def test_what_was_cut_off_is_compiled_and_kept_again(tree: Path, length: int) -> None:
+    said(start(tree))
+    for path in kept(tree.parent / "cache"):
+        path.write_bytes(path.read_bytes()[:length])
+    assert [said(start(tree)), said(start(tree))] == ["20.0 0", "20.0 1"]
+
+
+def test_the_cache_lies_in_the_users_cache_directory(tree: Path) -> None:
+    home = tree.parent / "home"
+    home.mkdir()
+    said(start(tree, NAVBENCH_CACHE_DIR=None, XDG_CACHE_HOME=str(home / "xdg")))
+    assert len(kept(home / "xdg/navbench/compiled")) == 2
+
+
+def test_without_a_home_the_cache_is_a_temporary_directory_that_only_this_user_may_write(tree: Path) -> None:
+    nowhere = tree / "navbench/compiled.py/home"  # below a file, where not even root can make a folder
+    settings: dict[str, Any] = {
+        "NAVBENCH_CACHE_DIR": str(nowhere), "HOME": str(nowhere), "XDG_CACHE_HOME": None, "TMPDIR": str(tree.parent),
+    }  # fmt: skip
+    assert [said(start(tree, **settings)), said(start(tree, **settings))] == ["20.0 0", "20.0 1"]
+    folder = tree.parent / f"navbench-{os.getuid()}"
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    folder.chmod(0o777)  # as another user might have left it: what lies there is not trusted
+    assert said(start(tree, **settings)) == "20.0 0"
+
+
+def test_where_nothing_can_be_written_functions_are_compiled_without_a_cache(tree: Path) -> None:
+    nowhere = str(tree / "navbench/compiled.py/home")
+    program = f"import tempfile; tempfile.tempdir = {nowhere!r}; {CALL.format(OURS)}"
+    settings: dict[str, Any] = {"NAVBENCH_CACHE_DIR": nowhere, "HOME": nowhere, "XDG_CACHE_HOME": None}
+    assert [said(start(tree, program, **settings)) for _ in range(2)] == ["20.0 0", "20.0 0"]
+
+
+def test_only_the_last_used_states_of_the_sources_are_kept(tree: Path) -> None:
+    folder = tree.parent / "cache/compiled"
+    for number in range(45):
+        (folder / f"old{number:02d}").mkdir(parents=True)
+        os.utime(folder / f"old{number:02d}", (number, number))
+    said(start(tree))
+    left = sorted(path.name for path in folder.iterdir())
+    assert len(left) == 40
+    assert left[-39:] == [f"old{number:02d}" for number in range(6, 45)]
+
+
+def test_python_can_step_through_a_function_that_is_not_compiled(tree: Path) -> None:
+    program = f"from {OURS} import turn; print(turn(1.0), type(turn).__name__)"
+    assert said(start(tree, program, NUMBA_DISABLE_JIT="1")) == "20.0 function"
+    assert kept(tree.parent / "cache") == []
+
+
+def test_nothing_is_compiled_in_a_way_that_the_cache_does_not_watch() -> None:
+    for root in (PACKAGE, Path(navbench.__path__[0], "controllers").resolve()):
+        for path in root.rglob("*.py"):
+            text = path.read_text()
+            above = path.relative_to(root).parts[0] in ABOVE
+            assert path.name == "compiled.py" or "import numba" not in text, path
+            assert not (above and "navbench.compiled" in text), path
