@@ -42,6 +42,7 @@ class RobotRecord(NamedTuple):
         latencies_s: (n,) the time of each act on the machine's clock [s].
         hit: what a robot that collided hit.
         layout: what was driven in; None where nothing was driven.
+        traceback: of what a controller raised; empty where it raised nothing.
     """
 
     robot_index: int
@@ -54,6 +55,7 @@ class RobotRecord(NamedTuple):
     latencies_s: FloatArray
     hit: Thing | None = None
     layout: Layout | None = None
+    traceback: str = ""
 
     @classmethod
     def lost(cls, robot_index: int, outcome: Outcome, reason: str) -> "RobotRecord":

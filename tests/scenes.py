@@ -99,6 +99,11 @@ def reset(simulator: Simulator, world: DrawnWorld, poses: Sequence[Pose]) -> Non
     simulator.reset(world, poses, world.goal_tolerance_m)
 
 
+def again(simulator: Simulator, poses: Sequence[Pose]) -> None:
+    """Begin another episode in the layout of the last one."""
+    simulator.reset(simulator.scene.layout, poses, 0.1)
+
+
 def pose_of(simulator: Simulator, index: int = 0) -> Pose:
     """Return where a robot is."""
     state = simulator.states()[index]

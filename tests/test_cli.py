@@ -483,12 +483,23 @@ def test_a_list_in_a_file_may_stand_for_a_tuple(command: Command, own: Path) -> 
     assert done.code == 0, done.err
 
 
+RETURN = "act must return Command(v_mps, w_radps), two finite numbers; it returned "
+
+
 @pytest.mark.parametrize(
     ("line", "instead", "reason"),
     [
         ("return 0.15, self.gain * turn", "raise KeyError('lost')", "KeyError: 'lost'"),
-        ("return 0.15, self.gain * turn", "return float('nan'), 0.0", "ValueError: the command must be finite"),
-        ("return 0.15, self.gain * turn", "return 0.15", "TypeError: "),
+        (
+            "return 0.15, self.gain * turn",
+            "return float('nan'), 0.0",
+            RETURN + "(nan, 0.0)",
+        ),
+        (
+            "return 0.15, self.gain * turn",
+            "pass",
+            RETURN + "None; is a `return` missing?",
+        ),
         ("self.sensors = len(setup.sensors)", "1 / 0", "ZeroDivisionError: division by zero"),
     ],
 )
@@ -503,6 +514,9 @@ def test_a_controller_that_fails_is_a_row_with_its_reason(
     assert row["outcome"] == "controller_error"
     assert row["reason"].startswith(reason)
     assert f"robot 0: controller_error after 0.00 s ({reason}" in done.out
+    place = re.search(r"\(mine.py, line (\d+)", done.out)
+    assert place
+    assert instead in (own / "mine.py").read_text().splitlines()[int(place[1]) - 1] or RETURN in reason
 
 
 # The Python interface

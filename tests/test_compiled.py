@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-import navbench
+import navbench.controllers
 from navbench.compiled import ABOVE
 
 PACKAGE = Path(navbench.__file__).parent
@@ -159,7 +159,7 @@ def test_python_can_step_through_a_function_that_is_not_compiled(tree: Path) -> 
 
 
 def test_nothing_is_compiled_in_a_way_that_the_cache_does_not_watch() -> None:
-    for root in (PACKAGE, Path(navbench.__path__[0], "controllers").resolve()):
+    for root in (PACKAGE, Path(navbench.controllers.__path__[0])):
         for path in root.rglob("*.py"):
             text = path.read_text()
             above = path.relative_to(root).parts[0] in ABOVE

@@ -548,19 +548,20 @@ def give(command: Any) -> Callable[[Observation], Any]:
     [
         (fail(ZeroDivisionError("no way")), "ZeroDivisionError: no way"),
         (fail(ValueError("two\n  lines")), "ValueError: two lines"),
-        (give(Command(math.nan, 0.0)), "nan"),
+        (give(Command(math.nan, 0.0)), "returned Command(v_mps=nan, w_radps=0.0) (scenes.py, line "),
         (give(Command(0.0, math.nan)), "nan"),
         (give(Command(math.inf, 0.0)), "inf"),
         (give(Command(0.1, -math.inf)), "inf"),
-        (give(None), "TypeError"),
-        (give(0.5), "TypeError"),
-        (give((0.5,)), "ValueError"),
-        (give((0.5, 0.1, 0.1)), "ValueError"),
-        (give(np.zeros((2, 2))), "Error"),
-        (give(np.zeros((2, 1))), "Error"),
-        (give("ab"), "TypeError"),
-        (give((1j, 0.0)), "TypeError"),
-        (give({"v_mps": 0.5, "w_radps": 0.0}), "TypeError"),
+        (give(None), "it returned None; is a `return` missing? (scenes.py, line "),
+        (give(0.5), "act must return Command(v_mps, w_radps), two finite numbers; it returned 0.5"),
+        (give((0.5,)), "returned (0.5,)"),
+        (give((0.5, 0.1, 0.1)), "returned (0.5, 0.1, 0.1)"),
+        (give(np.zeros((2, 2))), "returned an array of shape (2, 2)"),
+        (give(np.zeros(3)), "returned an array of shape (3,)"),
+        (give("ab"), "returned 'ab'"),
+        (give(("0.5", "0.1")), "returned ('0.5', '0.1')"),
+        (give((1j, 0.0)), "returned (1j, 0.0)"),
+        (give({"v_mps": 0.5, "w_radps": 0.0}), "returned {'v_mps': 0.5, 'w_radps': 0.0}"),
     ],
 )
 def test_a_controller_that_fails_ends_its_robot_with_the_reason_and_the_others_go_on(
@@ -584,7 +585,7 @@ def test_a_controller_that_fails_ends_its_robot_with_the_reason_and_the_others_g
 
 def test_a_long_reason_is_cut_to_one_short_line() -> None:
     record = run_one(a_world(), Scripted(fail(ValueError("x" * 5000))))
-    assert len(record.reason) <= 200
+    assert len(record.reason) <= 250
     assert record.reason.startswith("ValueError: xxx")
 
 
@@ -599,7 +600,10 @@ class FailsInReset:
 def test_a_controller_that_fails_in_reset_leaves_its_robot_standing_and_the_others_go_on() -> None:
     world = a_world(starts=starts((0, 0, 0.5), (-6.0, 0, 0)))
     failed, other = run(world, [FailsInReset(), always(1.0)])
-    assert (failed.outcome, failed.reason) == ("controller_error", "RuntimeError: not today")
+    assert failed.outcome == "controller_error"
+    assert re.fullmatch(
+        r'RuntimeError: not today \(test_episode.py, line \d+: raise RuntimeError\("not today"\)\)', failed.reason
+    )
     assert failed.states[:, :4].tolist() == [[0.0, 0.0, 0.0, 0.5]]
     assert failed.traces.shape == (1, 0)
     assert (failed.metrics.time_s, failed.metrics.path_length_m, failed.metrics.collisions) == (0.0, 0.0, 0)
@@ -682,7 +686,33 @@ def test_a_trace_that_is_no_number_costs_the_robot_and_not_the_study(value: Any)
     world = a_world(starts=starts((0, 0, 0), (0, 9, 0)), time_limit_s=1.0)
     failed, other = run(world, [traced({"agent": value}), always(0.5)])
     assert failed.outcome == "controller_error"
+    assert failed.reason.startswith(f"trace['agent'] must be a number; it is {value!r} (scenes.py, line ")
     assert other.outcome == "timed_out"
+
+
+@pytest.mark.parametrize("trace", [None, "avoid", [1.0, 2.0], 3.0])
+def test_a_trace_that_is_no_mapping_is_the_controllers_error(trace: Any) -> None:
+    record = run_one(a_world(time_limit_s=1.0), traced(trace))
+    assert record.reason.startswith(f"trace must be a mapping of names to numbers; it is {trace!r}")
+    assert record.traceback == ""
+
+
+def test_the_traceback_of_what_a_controller_raises_begins_in_its_own_file() -> None:
+    def deeper() -> Command:
+        return Command([0.0][99], 0.0)
+
+    record = run_one(a_world(time_limit_s=1.0), Scripted(lambda _: deeper()))
+    assert record.reason.startswith("IndexError: list index out of range (test_episode.py, line ")
+    assert record.reason.endswith(": return Command([0.0][99], 0.0))")
+    files = re.findall(r'File "(.*)", line', record.traceback)
+    assert [Path(file).name for file in files] == ["scenes.py", "test_episode.py", "test_episode.py"]
+    assert record.traceback.endswith("IndexError: list index out of range\n")
+
+
+def test_the_line_of_a_failure_is_the_users_where_a_library_raises() -> None:
+    record = run_one(a_world(time_limit_s=1.0), Scripted(lambda _: np.linalg.inv(np.zeros((2, 2)))))
+    assert "(test_episode.py, line " in record.reason
+    assert "linalg" in record.traceback
 
 
 def test_a_trace_that_raises_is_the_controllers_error() -> None:

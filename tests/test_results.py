@@ -39,8 +39,9 @@ WORDS = (
 )
 EPISODE_COLUMNS = [
     "run_id", "controller", "world", "robot", "sensors", "simulator", "config_hash", "seed", "episode", "robot_index",
-    "outcome", "reason", "hit", "hit_index", "path_length_m", "time_s", "collisions", "min_clearance_m",
-    "mean_speed_mps", "heading_ise", "total_turning_rad", "w_sign_changes", "robot_collisions", "standing_collisions", "goal_distance_m",
+    "outcome", "reason", "traceback", "hit", "hit_index", "path_length_m", "time_s", "collisions", "min_clearance_m",
+    "mean_speed_mps", "heading_ise", "total_turning_rad", "w_sign_changes", "robot_collisions", "standing_collisions",
+    "goal_distance_m",
 ]  # fmt: skip
 STATE_COLUMNS = ["run_id", "episode", "robot_index", "t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps"]
 
@@ -349,8 +350,8 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     for kept, whole in zip(_tables(Results(tmp_path)), _tables(once), strict=True):
         both = set(kept["episode"]) & set(whole["episode"])
         assert both
-        sides = [table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole)]
-        pd.testing.assert_frame_equal(*sides, rtol=0.0, atol=0.0)
+        left, right = (table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole))
+        pd.testing.assert_frame_equal(left, right, rtol=0.0, atol=0.0)
 
 
 def _tables(results: Results) -> tuple[pd.DataFrame, pd.DataFrame]:

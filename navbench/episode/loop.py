@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
+from navbench.episode.failures import ContractError, Failure, failure, velocities, wrong_trace
 from navbench.episode.perception import Perception
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
@@ -38,7 +39,7 @@ class _Pilot:
     trace_names: tuple[str, ...] | None = None
     latencies_s: list[float] = field(default_factory=list)
     outcome: Outcome = "timed_out"
-    reason: str = ""
+    failure: Failure = Failure()
     hit: Thing | None = None
     end_s: float = 0.0
     _in_order: Callable[[Mapping[str, float]], tuple[float, ...]] = field(default=lambda _: ())
@@ -48,22 +49,19 @@ class _Pilot:
         """Keep one act's trace, packed: it is checked by packing and takes little room.
 
         Raises:
-            ValueError: its names are not those of the first act.
-            struct.error: a value is no number.
+            ContractError: it is no mapping, its names are not those of the first act, or a value is no number.
         """
-        if self.trace_names is None:
-            self.trace_names = names = tuple(trace)
-            self._packed = struct.Struct(f"{len(names)}d").pack
-            self._in_order = itemgetter(*names) if len(names) > 1 else lambda one: tuple(one[name] for name in names)
         try:
-            values = self._in_order(trace) if len(trace) == len(self.trace_names) else None
-        except KeyError:
-            values = None
-        if values is None:
-            raise ValueError(
-                f"the trace must have the same names at every step: {', '.join(self.trace_names) or 'none'}"
-            )
-        self.traces.append(self._packed(*values))
+            if self.trace_names is None:
+                self.trace_names = names = tuple(trace)
+                self._packed = struct.Struct(f"{len(names)}d").pack
+                self._in_order = itemgetter(*names) if len(names) > 1 else lambda one: tuple(one[n] for n in names)
+            if len(trace) == len(self.trace_names):
+                self.traces.append(self._packed(*self._in_order(trace)))
+                return
+        except (AttributeError, KeyError, TypeError, struct.error):
+            pass  # said below
+        raise ContractError(wrong_trace(trace, self.trace_names or ()))
 
 
 class EpisodeRunner:
@@ -157,7 +155,7 @@ class EpisodeRunner:
             controller = self.make_controller()
             controller.reset(self._setup, rng)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
-            return _Pilot(_Absent(), perception, outcome="controller_error", reason=_reason(error))
+            return _Pilot(_Absent(), perception, outcome="controller_error", failure=failure(error))
         return _Pilot(controller, perception)
 
     def _period(self, pilots: list[_Pilot], before: list[RobotState], t_s: float, dt_s: float) -> list[RobotState]:
@@ -201,15 +199,13 @@ class EpisodeRunner:
             begin = time.perf_counter()
             command = pilot.controller.act(observation)
             pilot.latencies_s.append(time.perf_counter() - begin)
-            v, w = command
-            if not (math.isfinite(v) and math.isfinite(w)):
-                raise ValueError(f"the command must be finite, got v_mps={v}, w_radps={w}")
+            v, w = velocities(command)
             pilot.keep_trace(trace_of(pilot.controller))
             if self._converts:
                 v, w = self._similarity.to_world(Command(v, w))
             simulator.command(index, v, w)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
-            pilot.outcome, pilot.reason = "controller_error", _reason(error)
+            pilot.outcome, pilot.failure = "controller_error", failure(error, pilot.controller.act)
             simulator.stop(index)
 
     def _record(self, index: int, pilot: _Pilot, robot: RobotState) -> RobotRecord:
@@ -243,16 +239,20 @@ class EpisodeRunner:
             goal_distance_m=math.hypot(goal.x_m - robot.x_m, goal.y_m - robot.y_m),
         )
         latencies = np.array(pilot.latencies_s)
-        reason = f"hit {pilot.hit}" if pilot.hit else pilot.reason
+        said = Failure(f"hit {pilot.hit}") if pilot.hit else pilot.failure
         return RobotRecord(
-            index, pilot.outcome, reason, metrics, states, traces, names, latencies, pilot.hit, self._world
+            index,
+            pilot.outcome,
+            said.reason,
+            metrics,
+            states,
+            traces,
+            names,
+            latencies,
+            pilot.hit,
+            self._world,
+            said.traceback,
         )
-
-
-def _reason(error: BaseException) -> str:
-    """Return an exception as one short line."""
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return text if len(text) <= 200 else text[:197] + "..."
 
 
 class _Absent:

@@ -401,6 +401,7 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], la
             "robot_index": record.robot_index,
             "outcome": record.outcome,
             "reason": record.reason,
+            "traceback": record.traceback,
             "hit": "" if record.hit is None else record.hit.kind,
             "hit_index": -1 if record.hit is None else record.hit.index,
             **record.metrics._asdict(),

@@ -1,0 +1,113 @@
+"""What is said of a controller that fails: one line for a screen, which names its own file, and the traceback."""
+
+import math
+import reprlib
+import struct
+import sysconfig
+import traceback
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from textwrap import shorten
+from typing import Any, NamedTuple
+
+PACKAGE = Path(__file__).parents[1]
+REASON_MAX = 160  # characters
+LINE_MAX = 60  # characters of a source line
+FRAMES_MAX = 20  # of a traceback, the innermost
+
+
+class ContractError(ValueError):
+    """A controller does not do what the contract says; the message says what it did and what is expected."""
+
+
+class Failure(NamedTuple):
+    """What a controller did wrong.
+
+    Attributes:
+        reason: one short line, with the place in the user's own file.
+        traceback: from the first line outside the framework; empty where nothing was raised.
+    """
+
+    reason: str = ""
+    traceback: str = ""
+
+
+def velocities(command: Any) -> tuple[float, float]:
+    """Return what ``act`` returned as a forward speed [m/s] and a turning rate [rad/s].
+
+    Raises:
+        ContractError: it is not two finite numbers.
+    """
+    try:
+        v_mps, w_radps = command
+        if math.isfinite(v_mps) and math.isfinite(w_radps):
+            return v_mps, w_radps
+    except (TypeError, ValueError):
+        pass  # said below
+    shape = getattr(command, "shape", None)
+    returned = repr(command) if isinstance(command, tuple) and len(command) == 2 else reprlib.repr(command)
+    returned = f"an array of shape {shape}" if shape not in (None, (2,)) else returned
+    hint = "; is a `return` missing?" if command is None else ""
+    raise ContractError(f"act must return Command(v_mps, w_radps), two finite numbers; it returned {returned}{hint}")
+
+
+def wrong_trace(trace: object, names: Sequence[str]) -> str:
+    """Return what is wrong with a trace that cannot be kept; ``names`` are those of the first act."""
+    if not isinstance(trace, Mapping):
+        return f"trace must be a mapping of names to numbers; it is {reprlib.repr(trace)}"
+    if set(trace) != set(names):
+        now, first = (", ".join(map(str, some)) or "none" for some in (trace, names))
+        return f"trace must have the same names at every step; it had {first}, and now has {now}"
+    for name, value in trace.items():
+        try:
+            struct.pack("d", value)
+        except struct.error:
+            return f"trace[{name!r}] must be a number; it is {reprlib.repr(value)}"
+    return "trace must be a mapping of names to numbers"
+
+
+def failure(error: BaseException, act: object = None) -> Failure:
+    """Return what is said of an exception.
+
+    Args:
+        error: what a controller raised, or the loop because of it.
+        act: the controller's method, which a ``ContractError`` is about.
+    """
+    if isinstance(error, ContractError):
+        code = getattr(act, "__code__", None)
+        place = f" ({Path(code.co_filename).name}, line {code.co_firstlineno})" if code else ""
+        return Failure(shorten(str(error), REASON_MAX, placeholder="...") + place)
+    frame = error.__traceback__
+    while frame is not None and frame.tb_next is not None and _is_framework(frame.tb_frame.f_code.co_filename):
+        frame = frame.tb_next
+    lines = traceback.format_exception(type(error), error, frame, limit=-FRAMES_MAX)
+    return Failure(_one_line(error) + own_line(error), "".join(lines))
+
+
+def own_line(error: BaseException) -> str:
+    """Return the last line outside libraries and framework that an exception came through, in brackets, or nothing."""
+    own = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not (_is_framework(frame.filename) or _is_library(frame.filename))
+    ]
+    if not own:
+        return ""
+    text = shorten(own[-1].line or "", LINE_MAX, placeholder=" ...")
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno}: {text})"
+
+
+def _one_line(error: BaseException) -> str:
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "..."
+
+
+def _is_framework(file: str) -> bool:
+    """Return whether a file is navbench's, but no controller's."""
+    path = Path(file)
+    return path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).parts[0] != "controllers"
+
+
+def _is_library(file: str) -> bool:
+    packages = {"site-packages", "dist-packages"} & set(Path(file).parts)
+    return bool(packages) or file.startswith(("<", sysconfig.get_path("stdlib")))
