@@ -20,6 +20,11 @@ from navbench.report.reports import write_document
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]
 
+AOUF2019 = "navbench.controllers.aouf2019.measures"
+LEI2014 = "navbench.controllers.lei2014.measures"
+NEMEIKSIS2019 = "navbench.controllers.nemeiksis2019.measures"
+ZHAO2017 = "navbench.controllers.zhao2017.measures"
+ZHAO2018 = "navbench.controllers.zhao2018.measures"
 LIMIT_S = 60.0
 TRACE = ("behavior", "heading_error_rad", "goal_distance_m", "at_obstacle", "stalled")
 WORLD = {

@@ -6,9 +6,9 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from stored import a_cell, a_record, store, told
+from stored import LEI2014, NEMEIKSIS2019, a_cell, a_record, store, told
 
-from navbench.analysis.measures import measure
+from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
 from navbench.controllers.lei2014.sections import surface_2d
 from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
@@ -101,7 +101,7 @@ def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
 
 def test_described_rows_are_counted(reading: StoredResults) -> None:
     def count(**where: Any) -> Estimate | None:
-        return measure(reading, "described_count", {"table": "it-list", "where": where})
+        return measure(reading, f"{NEMEIKSIS2019}.described_count", {"table": "it-list", "where": where})
 
     assert count(agent="wall") == (3.0, 3.0, 3.0, 5)
     assert count(agent="wall", agrees=True) == (2.0, 2.0, 2.0, 5)
@@ -110,7 +110,7 @@ def test_described_rows_are_counted(reading: StoredResults) -> None:
 
 def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path) -> None:
     fleets = store_fleets(tmp_path, {"A": [[episode(0.3), episode(0.2, 1)], [episode(0.3), episode(0.2)]]})
-    found = measure(fleets, "share_of_fleets_free", {"select": HERE})
+    found = measure(fleets, f"{LEI2014}.share_of_fleets_free", {"select": HERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 2)
 
@@ -118,11 +118,15 @@ def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path
 def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(
     reading: StoredResults, tmp_path: Path
 ) -> None:
-    found = measure(reading, "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+    found = measure(reading, f"{LEI2014}.share_of_fleets_clearer", {"select": HERE, "than": THERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 4)  # 0.4 > 0.2, 0.1 < 0.2, 0.3 = 0.3, -0.01 > -0.02
     fleets = {"A": [[episode(0.9), episode(0.1)]], "B": [[episode(0.2), episode(0.2)]]}
-    found = measure(store_fleets(tmp_path / "two", fleets), "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+    found = measure(
+        store_fleets(tmp_path / "two", fleets),
+        f"{LEI2014}.share_of_fleets_clearer",
+        {"select": HERE, "than": THERE},
+    )
     assert found is not None
     assert (found.value, found.n) == (0.0, 1)
 

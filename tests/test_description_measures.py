@@ -5,16 +5,19 @@ import numpy as np
 import pytest
 from stored import a_cell, a_record, store
 
-from navbench.analysis.description_measures import (
-    described_is_less,
+from navbench.analysis.measures import described_is_less, described_value
+from navbench.analysis.stored import StoredResults
+from navbench.controllers.lei2014.measures import (
     described_ratio,
     described_total,
-    described_value,
     share_falling,
+    share_longer_in,
+    share_mainly,
+    share_of_time,
+    share_of_worlds_safer,
+    time_at_least,
 )
-from navbench.analysis.measures import share_greater, share_of_worlds_safer
-from navbench.analysis.path_measures import share_longer_in, share_mainly, share_of_time, time_at_least
-from navbench.analysis.stored import StoredResults
+from navbench.controllers.nemeiksis2019.measures import share_greater
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
 

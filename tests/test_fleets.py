@@ -10,10 +10,10 @@ import pytest
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from stored import CROSSING, LIMIT_S, ROBOT, WORLD, Fleet, a_cell, a_drive, a_record, store, told
+from stored import CROSSING, LIMIT_S, ROBOT, WORLD, ZHAO2017, ZHAO2018, Fleet, a_cell, a_drive, a_record, store, told
 
 from navbench.analysis.fleets import fleets
-from navbench.analysis.measures import measure
+from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
 from navbench.controllers.zhao2018.sections import evolution, gains
 from navbench.mathematics.statistics import Estimate
@@ -138,11 +138,11 @@ def test_the_share_of_fleets_counts_episodes_and_not_robots(tmp_path: Path) -> N
 
 
 def test_fleets_are_compared_episode_by_episode(tmp_path: Path) -> None:
-    found = value_of(two_controllers(tmp_path), "difference_in_fleets", select=A, than=B)
+    found = value_of(two_controllers(tmp_path), "difference", metric="success", select=A, than=B)
     assert (found.value, found.n) == (0.25, 4)
     assert found.low < 0.25 < found.high
     back = value_of(
-        StoredResults(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A
+        StoredResults(two_controllers(tmp_path / "again").results), "difference", metric="success", select=B, than=A
     )
     assert back.value == -0.25
 
@@ -150,15 +150,22 @@ def test_fleets_are_compared_episode_by_episode(tmp_path: Path) -> None:
 def test_fleets_that_never_met_the_same_world_have_no_difference(tmp_path: Path) -> None:
     cells = [(a_cell("A", "plain"), [a_fleet(9.0, 9.0)]), (a_cell("B", "other"), [a_fleet(9.0, 9.0)])]
     reading = store(tmp_path, cells)
-    assert measure(reading, "difference_in_fleets", {"select": A, "than": B}) is None
-    assert measure(reading, "difference_in_reached", {"select": A, "than": B}) is None
-    assert measure(reading, "difference_in_time", {"select": A, "than": B}) is None
-    assert measure(reading, "median_decrease", {"metric": "time_s", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "success", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "reached", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "time_s", "select": A, "than": B}) is None
+    assert (
+        measure(
+            reading,
+            f"{ZHAO2018}.median_decrease",
+            {"metric": "time_s", "select": A, "than": B},
+        )
+        is None
+    )
 
 
 def test_only_shared_episodes_are_compared(tmp_path: Path) -> None:
     cells = [(a_cell("A"), [a_fleet(9.0, 9.0), a_fleet(9.0, 9.0)]), (a_cell("B"), [a_fleet(9.0, None)])]
-    found = value_of(store(tmp_path, cells), "difference_in_fleets", select=A, than=B)
+    found = value_of(store(tmp_path, cells), "difference", metric="success", select=A, than=B)
     assert (found.value, found.n) == (1.0, 1)
 
 
@@ -175,14 +182,14 @@ def test_a_movers_speed_is_told_leg_by_leg_as_a_share_of_the_wheels_limit(phase_
     reading = store(tmp_path, [(a_cell("A", scene=scene), [a_record(), a_record()])])
     assert ROBOT["wheel_speed_max_mps"] == 0.5
     for mover, leg, share in ((1, 0, 0.8), (1, 1, 0.2), (1, 2, 0.2), (1, 3, 0.8), (0, 1, 0.5)):
-        found = value_of(reading, "mover_speed", mover=mover, leg=leg, select=A)
+        found = value_of(reading, f"{ZHAO2017}.mover_speed", mover=mover, leg=leg, select=A)
         assert found == pytest.approx((share, share, share, 1))
 
 
 def test_a_movers_speed_counts_each_cell_once(tmp_path: Path) -> None:
     scenes = {f"w{speed}": {**WORLD, "movers": [{**MOVER, "speeds_mps": [speed, 0.1]}]} for speed in (0.1, 0.2, 0.4)}
     reading = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
-    assert value_of(reading, "mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
+    assert value_of(reading, f"{ZHAO2017}.mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
 
 
 DISCS = [{"x_m": 1.0, "y_m": 0.5, "radius_m": 0.3}, {"x_m": 2.0, "y_m": -0.7, "radius_m": 0.2}]
@@ -195,17 +202,17 @@ def test_a_disc_is_met_from_hull_to_hull_by_whichever_robot_and_not_when_it_was_
     reading = store(tmp_path / "met", [(a_cell("A", scene=scene), [fleet])])
     # hulls of 0.1 m pass the first disc at 0.5 - 0.3 - 0.1 = 0.1 m, the second at 0.7 - 0.2 - 0.1 = 0.4 m
     for within_m, share in ((0.0999, 0.0), (0.1001, 0.5), (0.3999, 0.5), (0.4001, 1.0)):
-        found = value_of(reading, "share_of_discs_met", within_m=within_m, select=A)
+        found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=within_m, select=A)
         assert (found.value, found.n) == (share, 2)
     hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, "hit disc 0", along)]
     reading = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
-    found = value_of(reading, "share_of_discs_met", within_m=9.0, select=A)
+    found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=9.0, select=A)
     assert (found.value, found.n) == (0.75, 4)
 
 
 def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
     reading = store(tmp_path, [(a_cell("A"), [a_fleet(9.0, 9.0)])])
-    assert measure(reading, "share_of_discs_met", {"within_m": 1.0, "select": A}) is None
+    assert measure(reading, f"{ZHAO2017}.share_of_discs_met", {"within_m": 1.0, "select": A}) is None
 
 
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
@@ -218,7 +225,7 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
         places = [(disc.x_m, disc.y_m) for disc in one.discs]
         episodes.append([a_drive([0.1] * (len(places) - 1), index=0, places=places)])
     reading = store(tmp_path / "in", [(cell, episodes)])
-    found = value_of(reading, "share_of_discs_met", within_m=-0.4, select=A)
+    found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=-0.4, select=A)
     assert (found.value, found.n) == (1.0, sum(len(one.discs) for one in drawn))
 
 

@@ -25,7 +25,7 @@ GROUPS = {"one paper": ["plain"], "another": ["other"]}
 
 def a_report(folder: Path, name: str, claims: dict[str, dict[str, Any]], errata: list[dict[str, str]]) -> Path:
     """Write a small study's report into a folder of its name."""
-    cells = [(a_cell("F"), [a_record(time_s=10.0)])]
+    cells = [(a_cell("F"), [a_record(time_s=10.0)]), (a_cell("G"), [a_record(), a_record("collided")])]
     report: list[dict[str, Any]] = [{"name": "verdicts", "title": "Claims"}] if claims else []
     report += [{"name": "errata", "title": "Errata", "items": errata}] if errata else []
     report += [{"name": "sources", "title": "Sources", "file": "sources"}]
@@ -38,10 +38,12 @@ def a_report(folder: Path, name: str, claims: dict[str, dict[str, Any]], errata:
 def joined(tmp_path: Path) -> Path:
     """A folder with three reports: two of papers, one without claims and errata."""
     wrong = {"where": "eq. 1", "printed": "a | b", "here": "c"}
+    statement = {key: value for key, value in CLAIM.items() if key not in ("printed", "within")}
     claims = {
         "time-f": CLAIM,
         "off": {**CLAIM, "printed": "20 s", "evidence": "fitted"},
         "off-absolute": {**CLAIM, "printed": "8.5 s", "within": 0.25, "evidence": "layout_unknown"},
+        "said": {**statement, "holds": "in 95 % of the cases", "measure": "share_reached", "of": {"label": "G"}},
     }
     a_report(tmp_path, "all", {}, [])
     a_report(tmp_path, "one1999", claims, [wrong])
@@ -61,7 +63,7 @@ def test_the_page_has_a_paragraph_and_a_link_for_each_study_those_of_papers_firs
     assert re.findall(r"\[Report\]\((.*)\)", text) == ["one1999/report.md", "two2001/report.md", "all/report.md"]
     assert all((joined / link).is_file() for link in re.findall(r"\]\(([^)]+)\)", text))
     assert (
-        "## one1999: a title\n\nIt is small. 3 claims: 1 reproduced, 0 partly, 2 not reproduced, 0 not testable."
+        "## one1999: a title\n\nIt is small. 4 claims: 1 reproduced, 0 partly, 3 not reproduced, 0 not testable."
         in text
     )
     assert "## all: a title\n\nIt is small. [Report]" in text
@@ -78,19 +80,21 @@ def test_the_first_findings_stand_below_a_study_s_paragraph(tmp_path: Path) -> N
 
 def test_claims_are_counted_by_study_and_by_evidence(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "Claims by verdict")
-    assert ["one1999", "1", "0", "2", "0", "3"] in rows
+    assert ["one1999", "1", "0", "3", "0", "4"] in rows
     assert ["two2001", "0", "1", "0", "0", "1"] in rows
-    assert rows.count(["all", "1", "1", "2", "0", "4"]) == 2
-    assert ["free", "1", "1", "0", "0", "2"] in rows
+    assert rows.count(["all", "1", "1", "3", "0", "5"]) == 2
+    assert ["free", "1", "1", "1", "0", "3"] in rows
     assert ["fitted", "0", "0", "1", "0", "1"] in rows
     assert ["layout unknown", "0", "0", "1", "0", "1"] in rows
 
 
 def test_every_claim_that_was_not_reproduced_stands_in_one_list(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "What was not reproduced")[1:]
-    assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"]]
+    assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"], ["one1999", "said"]]
     assert rows[0][3:] == ["20 s", "10", "off by -50 %; tolerance ±5 %", "fitted"]
     assert rows[1][3:] == ["8.5 s", "10", "off by +1.5; tolerance ±0.25", "layout unknown"]
+    assert rows[2][3] == "–"
+    assert rows[2][5:] == ["holds in 50 %; tolerance in 95 % of the cases", "free"]
 
 
 def test_the_errata_of_all_papers_stand_in_one_list(joined: Path) -> None:

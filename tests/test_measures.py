@@ -1,15 +1,16 @@
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from stored import LIMIT_S, TRACE, a_cell, a_record, store
+from stored import AOUF2019, LIMIT_S, TRACE, ZHAO2018, a_cell, a_record, store
 
-from navbench.analysis.measures import MEASURES, check_measure, measure
-from navbench.analysis.phases import is_within, phases
+from navbench.analysis.measuring import check_measure, measure
 from navbench.analysis.stored import StoredResults
+from navbench.controllers.aouf2019.phases import is_within, phases
 from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
@@ -38,19 +39,12 @@ def test_a_median_never_includes_a_failure(tmp_path: Path) -> None:
 def test_a_median_of_failures_alone_is_nothing(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, A=[a_record("collided")])
     assert measure(stored, "median", {"metric": "time_s", "select": {"label": "A"}}) is None
-    assert measure(stored, "median_over_straight", {"select": {"label": "A"}}) is None
-
-
-def test_a_ratio_is_taken_robot_by_robot(tmp_path: Path) -> None:
-    records = [a_record(length_m=2.0, time_s=10.0), a_record(length_m=6.0, time_s=12.0), a_record("collided", 1.0, 9.0)]
-    stored = stored_of(tmp_path, A=records)
-    found = value_of(stored, "median_ratio", metric="path_length_m", over="time_s", select={"label": "A"})
-    assert found == pytest.approx((0.35, 0.2, 0.5, 2))
+    assert measure(stored, f"{AOUF2019}.median_over_straight", {"select": {"label": "A"}}) is None
 
 
 def test_the_straight_line_ends_at_the_edge_of_the_goal(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, A=[a_record(length_m=2.9)])
-    assert value_of(stored, "median_over_straight", select={"label": "A"}).value == pytest.approx(1.0)
+    assert value_of(stored, f"{AOUF2019}.median_over_straight", select={"label": "A"}).value == pytest.approx(1.0)
 
 
 def test_a_failure_is_worse_than_any_arrival_and_two_failures_say_nothing(tmp_path: Path) -> None:
@@ -75,7 +69,14 @@ def test_as_good_allows_the_margin_and_demands_arrival_where_the_other_arrives(t
         A=[a_record(time_s=10.5), a_record(time_s=10.6), a_record("collided", 1.0), a_record("collided", 1.0)],
         B=[a_record(time_s=10.0), a_record(time_s=10.0), a_record(time_s=10.0), a_record("collided", 1.0)],
     )
-    found = value_of(stored, "share_as_good", metric="time_s", select={"label": "A"}, than={"label": "B"}, margin=0.051)
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_as_good",
+        metric="time_s",
+        select={"label": "A"},
+        than={"label": "B"},
+        margin=0.051,
+    )
     assert (found.value, found.n) == (0.5, 4)
 
 
@@ -87,14 +88,20 @@ def test_an_order_must_hold_strictly_from_label_to_label(tmp_path: Path) -> None
         for seed, time_s in enumerate(all_s)
     ]
     stored = store(tmp_path, cells)
-    found = value_of(stored, "share_ordered", metric="time_s", labels=["A", "B", "C"], select={"name": "printed"})
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_ordered",
+        metric="time_s",
+        labels=["A", "B", "C"],
+        select={"name": "printed"},
+    )
     assert (found.value, found.n) == pytest.approx((1 / 3, 3))
 
 
 def test_an_order_with_a_label_that_never_arrived_is_nothing(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, A=[a_record()], B=[a_record("collided")])
     arguments = {"metric": "time_s", "labels": ["A", "B"], "select": {"name": "printed"}}
-    assert measure(stored, "share_ordered", arguments) is None
+    assert measure(stored, f"{AOUF2019}.share_ordered", arguments) is None
 
 
 def test_shares_count_outcomes_with_wilsons_interval(tmp_path: Path) -> None:
@@ -102,7 +109,12 @@ def test_shares_count_outcomes_with_wilsons_interval(tmp_path: Path) -> None:
     select = {"label": "A"}
     assert value_of(stored, "share_reached", select=select)[:1] == (0.5,)
     assert value_of(stored, "share_without_collision", select=select).value == 0.75
-    found = value_of(stored, "share_with_outcome", outcomes=["timed_out", "collided"], select=select)
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_with_outcome",
+        outcomes=["timed_out", "collided"],
+        select=select,
+    )
     assert found.value == 0.5
     assert found.low == pytest.approx(0.1500, abs=1e-4)
     assert found.high == pytest.approx(0.8500, abs=1e-4)
@@ -110,7 +122,7 @@ def test_shares_count_outcomes_with_wilsons_interval(tmp_path: Path) -> None:
 
 def test_the_speed_is_taken_over_all_periods(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, A=[a_record(length_m=2.0), a_record(length_m=4.0)])
-    assert value_of(stored, "speed_range", select={"label": "A"}) == pytest.approx((0.3, 0.2, 0.4, 10))
+    assert value_of(stored, f"{AOUF2019}.speed_range", select={"label": "A"}) == pytest.approx((0.3, 0.2, 0.4, 10))
 
 
 def test_differences_are_paired_start_by_start(tmp_path: Path) -> None:
@@ -119,9 +131,9 @@ def test_differences_are_paired_start_by_start(tmp_path: Path) -> None:
         A=[a_record(time_s=t) for t in (10.0, 20.0, 30.0, 40.0)],
         B=[a_record(time_s=11.0), a_record(time_s=22.0), a_record("collided", 1.0), a_record(time_s=41.0)],
     )
-    reached = value_of(stored, "difference_in_reached", select={"label": "A"}, than={"label": "B"})
+    reached = value_of(stored, "difference", metric="reached", select={"label": "A"}, than={"label": "B"})
     assert (reached.value, reached.n) == (0.25, 4)
-    times = value_of(stored, "difference_in_time", select={"label": "A"}, than={"label": "B"})
+    times = value_of(stored, "difference", metric="time_s", select={"label": "A"}, than={"label": "B"})
     assert times.value == pytest.approx((-1.0 - 2.0 - (LIMIT_S - 30.0) - 1.0) / 4)
     assert times.low <= times.value <= times.high
 
@@ -130,7 +142,7 @@ def test_a_start_that_one_side_met_twice_is_refused(tmp_path: Path) -> None:
     cells = [(a_cell("A", tuning="pso", seed=seed), [a_record()]) for seed in (0, 1)]
     stored = store(tmp_path, [*cells, (a_cell("B"), [a_record()])])
     with pytest.raises(DescriptionError, match="met the same start several times"):
-        measure(stored, "difference_in_time", {"select": {"label": "A"}, "than": {"label": "B"}})
+        measure(stored, "difference", {"metric": "time_s", "select": {"label": "A"}, "than": {"label": "B"}})
 
 
 def test_a_decrease_is_the_median_pairs_in_percent_of_the_other_and_negative_for_an_increase(tmp_path: Path) -> None:
@@ -145,7 +157,13 @@ def test_a_decrease_is_the_median_pairs_in_percent_of_the_other_and_negative_for
             a_record("timed_out", 60.0),
         ],
     )
-    found = value_of(stored, "median_decrease", metric="time_s", select={"label": "A"}, than={"label": "B"})
+    found = value_of(
+        stored,
+        f"{ZHAO2018}.median_decrease",
+        metric="time_s",
+        select={"label": "A"},
+        than={"label": "B"},
+    )
     assert found == pytest.approx((10.0, -50.0, 40.0, 3))
 
 
@@ -153,22 +171,19 @@ def test_a_decrease_counts_each_tuning_and_is_nothing_where_never_both_reached(t
     tuned = [(a_cell("A", tuning="pso", seed=seed), [a_record(time_s=8.0 - seed)]) for seed in (0, 1, 2)]
     stored = store(tmp_path, [*tuned, (a_cell("B"), [a_record(time_s=10.0)]), (a_cell("C"), [a_record("collided")])])
     arguments = {"metric": "time_s", "select": {"label": "A"}}
-    found = value_of(stored, "median_decrease", **arguments, than={"label": "B"})
+    found = value_of(stored, f"{ZHAO2018}.median_decrease", **arguments, than={"label": "B"})
     assert found == pytest.approx((30.0, 20.0, 40.0, 3))
-    assert measure(stored, "median_decrease", {**arguments, "than": {"label": "C"}}) is None
+    assert measure(stored, f"{ZHAO2018}.median_decrease", {**arguments, "than": {"label": "C"}}) is None
 
 
 def test_tunings_are_summed_up_over_their_seeds(tmp_path: Path) -> None:
     costs = {("pso", 0): [3.0, 2.0, 2.5, 4.0], ("pso", 1): [5.0, 4.0, 3.0, 1.0], ("fa", 0): [9.0, 9.0, 9.0, 8.0]}
     stored = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)
-    assert value_of(stored, "least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
-    found = value_of(stored, "share_at_bound", parameter="kp", tunings=["pso", "fa"])  # the best kp: 4, 10, 10
+    assert value_of(stored, f"{AOUF2019}.least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
+    found = value_of(
+        stored, f"{AOUF2019}.share_at_bound", parameter="kp", tunings=["pso", "fa"]
+    )  # the best kp: 4, 10, 10
     assert (found.value, found.n) == pytest.approx((2 / 3, 3))
-
-
-def test_what_cannot_be_compared_is_not_testable(tmp_path: Path) -> None:
-    check_measure("measure", {"name": "not_comparable"})
-    assert measure(stored_of(tmp_path, A=[a_record()]), "not_comparable", {}) is None
 
 
 def test_a_selection_that_matches_nothing_is_an_error(tmp_path: Path) -> None:
@@ -188,24 +203,59 @@ def test_a_cell_that_stands_under_two_names_is_found_under_both(tmp_path: Path) 
     assert len(again.select(name="printed")) == len(again.select(name="laws")) == 1
 
 
-def test_every_measure_is_named_as_its_function() -> None:
-    assert all(name == function.__name__ for name, function in MEASURES.items())
-    assert all(function.__doc__ for function in MEASURES.values())
-
-
 @pytest.mark.parametrize(
-    ("spec", "words"),
+    ("name", "of", "says"),
     [
-        ({"name": "mean"}, ["key.name='mean'", "median"]),
-        ({"name": "median", "metric": "time_s", "select": {}, "of": 1}, ["key.of", "metric, select"]),
-        ({"name": "median", "metric": "time_s"}, ["key.select: missing", "metric, select"]),
-        ({}, ["key.name='None'"]),
+        ("mean", {}, "key=mean: there is no such function; did you mean median"),
+        ("median", {"metric": "time_s", "weight": 1}, "key: of.weight: unknown key; median takes metric, cell, label"),
+        ("median", {"cell": "fair"}, "key: of.metric: missing; median takes metric, cell"),
+        ("described_value", {"table": "t", "column": "c", "where": {}, "label": "A"}, "of.label: unknown key"),
+        ("navbench.analysis.fleets.fleets", {}, "is no measure"),
+        ("", {}, "key=: there is no such function"),
     ],
 )
-def test_an_unknown_measure_or_argument_is_refused_by_name(spec: dict[str, Any], words: list[str]) -> None:
-    with pytest.raises(DescriptionError) as error:
-        check_measure("key", spec)
-    assert all(word in str(error.value) for word in words)
+def test_an_unknown_measure_or_argument_is_refused_by_name(name: str, of: dict[str, Any], says: str) -> None:
+    with pytest.raises(DescriptionError, match=re.escape(says)):
+        check_measure("key", name, of, trust=False)
+
+
+def test_cells_are_chosen_beside_the_arguments_and_than_says_what_differs(tmp_path: Path) -> None:
+    cells = [
+        (a_cell(label, name=name), [a_record(time_s=time_s)])
+        for label, name, time_s in (("A", "fair", 10.0), ("B", "fair", 12.0), ("B", "printed", 90.0))
+    ]
+    stored = store(tmp_path, cells)
+    fair = {"metric": "path_length_m", "cell": "fair", "label": "A"}
+    assert measure(stored, "median", {**fair, "metric": "time_s"}) == (10.0, 10.0, 10.0, 1)
+    for than in ("B", {"label": "B"}):
+        assert measure(stored, "share_better", {**fair, "metric": "time_s", "than": than}) is not None
+    same = measure(stored, "difference", {**fair, "than": {"cell": "printed", "label": "B"}})
+    assert same == (0.0, 0.0, 0.0, 1)
+
+
+def test_a_measure_of_a_users_own_module_is_asked_by_its_dotted_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from navbench.analysis.estimates import median_of\n\n\n"
+        "def turning(stored, factor, select):\n"
+        "    return median_of(factor * stored.select(**select)['total_turning_rad'])\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    stored = stored_of(tmp_path / "stored", A=[a_record()])
+    assert measure(stored, "mine.turning", {"factor": 2.0, "label": "A"}, trust=True) == (1.0, 1.0, 1.0, 1)
+    with pytest.raises(DescriptionError, match="lies outside navbench"):
+        measure(stored, "mine.turning", {"factor": 2.0, "label": "A"})
+
+
+def test_any_metric_has_a_difference_over_the_pairs_in_which_both_reached(tmp_path: Path) -> None:
+    stored = stored_of(
+        tmp_path,
+        A=[a_record(length_m=3.0), a_record(length_m=5.0), a_record("collided")],
+        B=[a_record(length_m=4.0), a_record(length_m=6.0), a_record(length_m=1.0)],
+    )
+    found = value_of(stored, "difference", metric="path_length_m", select={"label": "A"}, than={"label": "B"})
+    assert found == (-1.0, -1.0, -1.0, 2)
 
 
 def a_trajectory(**columns: list[float]) -> pd.DataFrame:
@@ -261,5 +311,10 @@ def test_phases_may_have_others_between_them_but_not_another_order() -> None:
 def test_the_share_in_phases_counts_episodes(tmp_path: Path) -> None:
     straight = a_record()
     stored = stored_of(tmp_path, A=[straight, a_record("collided")])
-    found = value_of(stored, "share_in_phases", phases=["approach", "reach"], select={"label": "A"})
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_in_phases",
+        phases=["approach", "reach"],
+        select={"label": "A"},
+    )
     assert (found.value, found.n) == (0.5, 2)

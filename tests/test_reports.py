@@ -374,8 +374,8 @@ def test_a_printed_table_never_averages_a_failure(tmp_path: Path) -> None:
         (a_cell("PID"), [a_record("timed_out", LIMIT_S)]),
     ]
     claims = {
-        f"time-{label}": {**CLAIM, "printed": printed, "of": {**CLAIM["of"], "label": label}}
-        for label, printed in (("F", "22 s"), ("PID", "5 s"))
+        f"time-{label}": {**CLAIM, "printed": printed, "of": {"label": label, "world": "plain"}}
+        for label, printed in (("F", 22.0), ("PID", 5.0))
     }
     reading = store(tmp_path / "in", cells, {**STUDY, "claims": claims})
     text = told(

@@ -149,7 +149,15 @@ def test_every_evaluation_of_a_tuning_is_kept(finished: Path) -> None:
 
 
 WRONG = {
-    "claims[0].measure.name": ("measure: {name: share_reached", "measure: {name: share_of_luck"),
+    "claims.reaches.measure=share_reach: there is no such function; did you mean share_reached": (
+        "measure: share_reached",
+        "measure: share_reach",
+    ),
+    "claims.quicker.measure: of.then: unknown key; difference takes metric, than": (
+        "than: untuned",
+        "then: untuned",
+    ),
+    "holds=often: must be as": ("holds: in 95 % of the cases", "holds: often"),
     "cells[1].tuning=magic": (
         "tuning: random, overrides: [controller=pid",
         "tuning: magic, overrides: [controller=pid",
@@ -160,8 +168,8 @@ WRONG = {
         "label: random PID, controllers: {S.F.L.C.: [controller=sflc]},",
     ),
     "budget=5: must be at least 10": ("budget=12", "budget=5"),
-    "report[0].name": ("{name: claims, title", "{name: horoscope, title"),
-    "tolerance": ("{absolute: 0.05}", "{absolute: 0.05, relative: 0.1}"),
+    "report[0].name": ("{name: verdicts, title", "{name: horoscope, title"),
+    "practically_equal=0: must be above 0": ("practically_equal: 2 %", "practically_equal: 0"),
     "controller.tunable.kp.high": ("tuner=random,", "tuner=random, controller.tunable.kp.high=-1.0,"),
     "controller.tunable.kq|controller.build.kq": (
         "tuner=random,",

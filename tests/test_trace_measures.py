@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from stored import TRACE, a_cell, a_record, store
 
-from navbench.analysis import trace_measures as measures
 from navbench.analysis.stored import StoredResults
+from navbench.analysis.traces import spells
+from navbench.controllers.nemeiksis2019 import measures
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
 
@@ -62,9 +63,9 @@ def test_changing_and_rising_are_told_apart(tmp_path: Path) -> None:
 
 def test_spells_leave_out_short_ones_and_join_what_they_parted() -> None:
     values = np.array([0.0] * 5 + [1.0] * 2 + [0.0] * 3 + [2.0] * 4 + [1.0])
-    assert measures.spells(values) == [(0.0, 0, 5), (1.0, 5, 2), (0.0, 7, 3), (2.0, 10, 4), (1.0, 14, 1)]
-    assert measures.spells(values, 3) == [(0.0, 0, 10), (2.0, 10, 4)]
-    assert measures.spells(values, 6) == []
+    assert spells(values) == [(0.0, 0, 5), (1.0, 5, 2), (0.0, 7, 3), (2.0, 10, 4), (1.0, 14, 1)]
+    assert spells(values, 3) == [(0.0, 0, 10), (2.0, 10, 4)]
+    assert spells(values, 6) == []
 
 
 @pytest.mark.parametrize(

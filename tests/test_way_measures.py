@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stored import Fleet, a_cell, a_drive, store
+from stored import ZHAO2017, Fleet, a_cell, a_drive, store
 
-from navbench.analysis.measures import check_measure, measure
+from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
 from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
@@ -22,7 +22,6 @@ def stored_of(path: Path, *records: RobotRecord | Fleet) -> StoredResults:
 
 
 def value_of(stored: StoredResults, name: str, **arguments: Any) -> Estimate | None:
-    check_measure("measure", {"name": name, "select": A, **arguments})
     return measure(stored, name, {"select": A, **arguments})
 
 
@@ -37,7 +36,7 @@ def share_of(found: Estimate | None) -> tuple[float, int]:
 def share_of_periods(stored: StoredResults, where: Bands, holds: Bands, settled_s: float = 0.0) -> Estimate | None:
     """Return what is measured of the periods in which the column "danger" is 0."""
     arguments = {"where": where, "holds": holds, "state": "danger", "settled_s": settled_s}
-    return value_of(stored, "share_of_periods", **arguments)
+    return value_of(stored, f"{ZHAO2017}.share_of_periods", **arguments)
 
 
 def calm(*v_mps: float, **trace: Any) -> RobotRecord:
@@ -120,9 +119,13 @@ def test_a_least_value_at_the_bound_counts_and_the_end_does_not(tmp_path: Path) 
         a_drive([0.1] * 3, near_m=[5.0, 2.001, 9.0]),
         a_drive([0.1] * 3, near_m=[5.0, -1.0, 9.0], places=lanes),
     )
-    assert share_of(value_of(stored, "share_with_least", column="near_m", at_most=2.0)) == pytest.approx((2 / 3, 3))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_with_least", column="near_m", at_most=2.0)) == pytest.approx(
+        (2 / 3, 3)
+    )
     # the third robot's y is 0 only at its end
-    assert share_of(value_of(stored, "share_with_least", column="y_m", at_most=0.0)) == pytest.approx((2 / 3, 3))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_with_least", column="y_m", at_most=0.0)) == pytest.approx(
+        (2 / 3, 3)
+    )
 
 
 # --- slowing down when a state begins ---
@@ -132,12 +135,12 @@ def test_slowing_is_looked_for_from_the_onset_on_and_within_the_time(tmp_path: P
     drive = a_drive([0.5, 0.5, 0.5, 0.4, 0.5], on=[0, 1, 1, 1, 1])
     stored = stored_of(tmp_path, drive)
     for within_s, slows in ((0.0, 0.0), (1.0, 0.0), (1.9, 0.0), (2.0, 1.0), (99.0, 1.0)):
-        assert share_of(value_of(stored, "share_slowing", column="on", within_s=within_s)) == (slows, 1)
+        assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=within_s)) == (slows, 1)
 
 
 def test_who_was_slow_before_the_onset_has_not_slowed_down_after_it(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, a_drive([0.1, 0.5, 0.5, 0.5], on=[0, 0, 1, 1]))
-    assert share_of(value_of(stored, "share_slowing", column="on", within_s=9.0)) == (0.0, 1)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=9.0)) == (0.0, 1)
 
 
 def test_every_onset_counts_and_those_of_robots_that_stand_or_back_do_not(tmp_path: Path) -> None:
@@ -146,13 +149,13 @@ def test_every_onset_counts_and_those_of_robots_that_stand_or_back_do_not(tmp_pa
         a_drive([0.5, 0.3, 0.3, 0.3, 0.0, 0.2, -0.1, 0.2], on=[0, 1, 0, 1, 0, 1, 0, 1]),
         a_drive([0.1, 0.5], on=[1, 1]),  # it was in it from the beginning: no onset
     )
-    assert share_of(value_of(stored, "share_slowing", column="on", within_s=0.5)) == (0.5, 2)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=0.5)) == (0.5, 2)
 
 
 def test_a_state_of_any_sign_is_a_state_and_without_an_onset_there_is_nothing(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, a_drive([0.5, 0.1], on=[0, -2], off=[0, 0]))
-    assert share_of(value_of(stored, "share_slowing", column="on", within_s=1.0)) == (1.0, 1)
-    assert value_of(stored, "share_slowing", column="off", within_s=1.0) is None
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0)) == (1.0, 1)
+    assert value_of(stored, f"{ZHAO2017}.share_slowing", column="off", within_s=1.0) is None
 
 
 # --- speeding up again when a state is over ---
@@ -166,13 +169,25 @@ def test_a_speed_is_regained_only_after_the_states_last_end(tmp_path: Path) -> N
         a_drive([0.5, 0.1, 0.3], on=[0, 1, 1]),  # it was never over
         a_drive([0.5, 0.5, 0.5], on=[0, 0, 0]),  # never in it: left out
     )
-    assert share_of(value_of(stored, "share_regaining", column="on", speed_mps=0.3)) == pytest.approx((1 / 3, 3))
-    assert share_of(value_of(stored, "share_regaining", column="on", speed_mps=0.2)) == pytest.approx((2 / 3, 3))
-    assert share_of(value_of(stored, "share_regaining", column="on", speed_mps=0.31)) == (0.0, 3)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.3)) == pytest.approx(
+        (1 / 3, 3)
+    )
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.2)) == pytest.approx(
+        (2 / 3, 3)
+    )
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.31)) == (0.0, 3)
 
 
 def test_who_never_was_in_a_state_regains_nothing(tmp_path: Path) -> None:
-    assert value_of(stored_of(tmp_path, a_drive([0.5], on=[0])), "share_regaining", column="on", speed_mps=0.1) is None
+    assert (
+        value_of(
+            stored_of(tmp_path, a_drive([0.5], on=[0])),
+            f"{ZHAO2017}.share_regaining",
+            column="on",
+            speed_mps=0.1,
+        )
+        is None
+    )
 
 
 # --- one passes first ---
@@ -193,7 +208,7 @@ OTHER_FOLLOWS = ([0.5, 0.1, 0.1, 0.1, 0.5], [1, 1, 1, 1, 0])
 def passing(path: Path, one: Any = ONE_PASSES, other: Any = OTHER_FOLLOWS, **changes: Any) -> tuple[float, int]:
     fleet = [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((one, other))]
     arguments = PASSING | changes
-    return share_of(value_of(stored_of(path, fleet), "share_passing_first", **arguments))
+    return share_of(value_of(stored_of(path, fleet), f"{ZHAO2017}.share_passing_first", **arguments))
 
 
 def test_one_passes_and_the_other_follows(tmp_path: Path) -> None:
@@ -228,8 +243,8 @@ def test_the_other_may_follow_after_the_first_has_arrived_and_backing_is_as_slow
 def test_who_never_meets_is_no_case_of_passing(tmp_path: Path) -> None:
     fleet = [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((ONE_PASSES, OTHER_FOLLOWS))]
     stored = stored_of(tmp_path, fleet)
-    assert value_of(stored, "share_passing_first", **PASSING) is not None
-    assert value_of(stored, "share_passing_first", **(PASSING | {"within_m": -1.0})) is None
+    assert value_of(stored, f"{ZHAO2017}.share_passing_first", **PASSING) is not None
+    assert value_of(stored, f"{ZHAO2017}.share_passing_first", **(PASSING | {"within_m": -1.0})) is None
 
 
 def test_a_state_that_is_back_at_once_was_not_left(tmp_path: Path) -> None:
@@ -245,7 +260,10 @@ def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
         return [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((one, other))]
 
     stored = stored_of(tmp_path, fleet(ONE_PASSES, OTHER_FOLLOWS), fleet(OTHER_FOLLOWS, ONE_PASSES))
-    assert share_of(value_of(stored, "share_passing_first", **PASSING)) == (0.5, 2)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_passing_first", **PASSING)) == (
+        0.5,
+        2,
+    )
 
 
 # --- what none of them is given ---
@@ -254,11 +272,17 @@ def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        {"name": "share_of_periods", "where": {}, "holds": {}, "state": "on", "settled_s": 0.0},
-        {"name": "share_with_least", "column": "v_mps", "at_most": 1.0},
-        {"name": "share_slowing", "column": "on", "within_s": 1.0},
-        {"name": "share_regaining", "column": "on", "speed_mps": 1.0},
-        {"name": "share_passing_first", **PASSING},
+        {
+            "name": f"{ZHAO2017}.share_of_periods",
+            "where": {},
+            "holds": {},
+            "state": "on",
+            "settled_s": 0.0,
+        },
+        {"name": f"{ZHAO2017}.share_with_least", "column": "v_mps", "at_most": 1.0},
+        {"name": f"{ZHAO2017}.share_slowing", "column": "on", "within_s": 1.0},
+        {"name": f"{ZHAO2017}.share_regaining", "column": "on", "speed_mps": 1.0},
+        {"name": f"{ZHAO2017}.share_passing_first", **PASSING},
     ],
 )
 def test_cells_that_do_not_exist_are_an_error(arguments: dict[str, Any], tmp_path: Path) -> None:
@@ -275,7 +299,7 @@ def test_a_robot_that_failed_before_its_first_period_has_no_way_that_counts(tmp_
     )
     stored = stored_of(tmp_path, at_once, a_drive([0.5, 0.1, 0.5], on=[0, 1, 0], danger=[0, 1, 0]))
     assert share_of(share_of_periods(stored, {}, {"v_mps": [0.5, 0.5]})) == (1.0, 1)
-    assert share_of(value_of(stored, "share_slowing", column="on", within_s=1.0)) == (1.0, 1)
-    assert share_of(value_of(stored, "share_regaining", column="on", speed_mps=0.5)) == (1.0, 1)
-    found = value_of(stored, "share_with_least", column="v_mps", at_most=math.inf)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0)) == (1.0, 1)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.5)) == (1.0, 1)
+    found = value_of(stored, f"{ZHAO2017}.share_with_least", column="v_mps", at_most=math.inf)
     assert share_of(found) == (0.5, 2)

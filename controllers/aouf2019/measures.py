@@ -75,7 +75,7 @@ def share_in_phases(stored: StoredResults, phases: Sequence[str], select: Select
 
     Args:
         stored: the study's results.
-        phases: the phases' names (``navbench.analysis.phases``) in the order that the paper tells.
+        phases: the phases' names (``navbench.controllers.aouf2019.phases``) in the order that the paper tells.
         select: which cells.
     """
     held = [

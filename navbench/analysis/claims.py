@@ -107,7 +107,7 @@ def quantity(key: str, value: Any) -> tuple[float, str]:
         DescriptionError: it is neither.
     """
     found = re.fullmatch(rf"({NUMBER})(?: (\S.*))?", str(value))
-    if isinstance(value, bool) or found is None:
+    if found is None:
         raise DescriptionError(f"{key}={value}: must be a number, or one with its unit as `37.1 s` or `5 %`")
     return float(found[1]), found[2] or ""
 

@@ -17,7 +17,9 @@ from navbench.validation import DescriptionError
 HOME = "navbench.analysis.measures"
 
 
-def measure(stored: StoredResults, name: str, of: Mapping[str, Any], *, trust: bool = False) -> Estimate | None:
+def measure(
+    stored: StoredResults, name: str, of: Mapping[str, Any], *, trust: bool = False, key: str = "measure"
+) -> Estimate | None:
     """Return what a measure says; None where there is no case.
 
     Args:
@@ -25,11 +27,12 @@ def measure(stored: StoredResults, name: str, of: Mapping[str, Any], *, trust: b
         name: a function of ``navbench.analysis.measures``, or any by its dotted name.
         of: its arguments and the cells, see above.
         trust: whether the function may lie outside ``navbench``.
+        key: where the name stands, for the error message.
 
     Raises:
         DescriptionError: as ``check_measure``, or the results hold no such cells.
     """
-    function = check_measure("measure", name, of, trust=trust)
+    function = check_measure(key, name, of, trust=trust)
     found: Estimate | None = function(stored, **arguments(function, of))
     return found
 

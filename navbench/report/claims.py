@@ -1,5 +1,6 @@
 """Sections of a report on what a paper says: findings, claims with verdicts, its tables beside ours, its errata."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +35,8 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     for name, spec in sentence.get("with", {}).items():
         if spec.get("show", "interval") not in FORMS:
             raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
-        asked = {word: value for word, value in spec.items() if word not in SHOWN}
-        found = measure(page.stored, asked.pop("name"), asked, trust=page.trust)
+        of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
+        found = measure(page.stored, spec.get("name", ""), of, trust=page.trust, key=f"{key}.with.{name}")
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
     finding = Finding(sentence["say"], figures)
@@ -85,7 +86,7 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
 
 def printed_figure(claim: Mapping[Any, Any]) -> str:
     """Return the number that a paper prints of a claim, a row of ``claims.csv``, where it prints one."""
-    return MISSING if claim["printed"] != claim["printed"] else f"{claim['printed']:g} {claim['unit']}".strip()
+    return MISSING if math.isnan(claim["printed"]) else f"{claim['printed']:g} {claim['unit']}".strip()
 
 
 def measured_figure(claim: Mapping[Any, Any]) -> str:

@@ -121,7 +121,9 @@ def read_claims(file: Path) -> "pd.DataFrame":
         wrong = table[~table[column].isin(allowed)]
         if len(wrong):
             value = wrong[column].iloc[0]
-            raise DescriptionError(f"{file}: {column}={value} of {wrong['id'].iloc[0]}; allowed: {', '.join(allowed)}")
+            raise DescriptionError(
+                f"{file}: {column}={value} of {wrong['id'].iloc[0]}; allowed: {', '.join(filter(None, allowed))}"
+            )
     return table
 
 
