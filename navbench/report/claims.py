@@ -82,7 +82,7 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
 
 def printed_figure(claim: Mapping[Any, Any]) -> str:
     """Return the number that a paper prints of a claim, a row of ``claims.csv``, where it prints one."""
-    return MISSING if claim["printed"] != claim["printed"] else f"{claim['printed']:g} {claim['unit']}".strip()
+    return MISSING if math.isnan(claim["printed"]) else f"{claim['printed']:g} {claim['unit']}".strip()
 
 
 def measured_figure(claim: Mapping[Any, Any]) -> str:
