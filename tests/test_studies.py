@@ -3,7 +3,6 @@
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import time
@@ -13,8 +12,6 @@ import pandas as pd
 import pytest
 from commands import NAVBENCH, Command
 
-from navbench.cli import composing
-from navbench.cli.catalogue import CONF
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_study, compose_tuning
 from navbench.experiments.plan import Plan
@@ -242,7 +239,7 @@ def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path
         (["name=../pid_mine"], "name=../pid_mine: must be a word of letters"),
         (["name=pid"], "name=pid: must be a word of letters, digits, _ and -, and not the controller's own"),
         (["budget=1000001"], "budget=1000001: must be at least 10, the first population of tuner=pso, and at most"),
-        (["+controller.repair=3"], "controller.repair=3: must be a mapping"),
+        (["+controller.repair=3"], "controller.repair._target_: missing; it must name a class"),
         (["sflc"], "sflc: unknown word"),
         (["--fast"], "--fast: unknown flag"),
     ],
@@ -313,14 +310,10 @@ def test_a_tuning_in_further_worlds_keeps_its_number_of_workers() -> None:
     assert compose_tuning(["worlds=[deadlock]", "workers=1"])[2] == 1
 
 
-def test_a_file_that_changes_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = (CONF / "world/corner.yaml").read_text()
-    shutil.copytree(CONF, tmp_path / "conf")
-    monkeypatch.setattr(composing, "CONF", tmp_path / "conf")
-    monkeypatch.setattr(composing, "OWN", f"file://{tmp_path}/conf")
+def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+    (tmp_path / "world").mkdir()
     limits = []
     for limit in ("60.0", "61.0", "62.00"):
-        changed = text.replace("time_limit_s: 60.0", f"time_limit_s: {limit}")
-        (tmp_path / "conf/world/corner.yaml").write_text(changed)
-        limits.append(compose_cell("world=corner").world.time_limit_s)
+        (tmp_path / "world/mine.yaml").write_text(f"defaults: [corner, _self_]\ntime_limit_s: {limit}\n")
+        limits.append(compose_cell("world=mine", config_dir=tmp_path).world.time_limit_s)
     assert limits == [60.0, 61.0, 62.0]
