@@ -1,5 +1,6 @@
 """Sections of a report on what a paper says: findings, claims with verdicts, its tables beside ours, its errata."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
