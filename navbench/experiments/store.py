@@ -77,9 +77,7 @@ class Results:
             "planned": planned or {"episodes": sum(cell.episodes for cell in cells)},
             "cells": [_described(cell) for cell in cells],
             "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
-            "versions": {
-                name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.packages)})
-            },
+            "versions": {name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.packages)})},
             "python": platform.python_version(),
             "platform": f"{platform.system()} {platform.machine()}",
             "commit": commit,
