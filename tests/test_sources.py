@@ -123,9 +123,9 @@ def test_a_fixed_worlds_layout_is_kept_once_for_all_batches(folder: Path) -> Non
     ],
 )
 def test_a_slip_in_the_yaml_is_refused_in_one_line(folder: Path, word: str, said: str) -> None:
+    sign = "+" if word.startswith("door_n") else ""
+    words = ("controller=go_to_goal", "world=two_rooms", f"{sign}world.source.{word}")
     with pytest.raises(DescriptionError) as caught:
-        sign = "+" if word.startswith("door_n") else ""
-        words = ("controller=go_to_goal", "world=two_rooms", f"{sign}world.source.{word}")
         compose_cell(*words, config_dir=str(folder / "conf"))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
