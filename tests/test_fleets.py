@@ -17,6 +17,7 @@ from navbench.analysis.fleets import fleets
 from navbench.analysis.measures import measure
 from navbench.analysis.stored import Reading
 from navbench.cli.worlds import world_of
+from navbench.records import Thing
 from navbench.report.evolution import evolution, gains
 from navbench.report.figures import MOVER as MOVER_COLOUR
 from navbench.report.fleet_figures import _spans, fleet_table, frames, wheel_velocities

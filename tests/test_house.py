@@ -86,6 +86,12 @@ def test_a_library_stands_behind_one_door(library: str, allowed: str) -> None:
     assert all(f"{user}.".startswith(f"{allowed}.") for user in users), users
 
 
+def test_only_one_file_knows_the_engine() -> None:
+    """Not its limits, its package or its name: another simulator would have others."""
+    known = {module for module, path in MODULES.items() if "pybullet" in path.read_text().lower()}
+    assert known == {"navbench.simulation.bullet"}
+
+
 def test_the_framework_never_imports_a_controller() -> None:
     for path in MODULES.values():
         assert not any(name.startswith("navbench.controllers") for name in imports_of(path))

@@ -145,7 +145,7 @@ class Simulator(ABC):
 
     def states(self) -> list[RobotState]:
         """Return what is known of each robot now."""
-        return [RobotState._make(row) for row in self.robots.tolist()]
+        return list(map(RobotState._make, self.robots.tolist()))
 
     @property
     def contacts(self) -> list[Contacts]:

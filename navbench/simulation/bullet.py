@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import distributions
+from operator import itemgetter
 
 import numba
 import numpy as np
@@ -46,6 +47,8 @@ FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 BATCH_MAX = 8192  # rays; of 16384 at once PyBullet silently returns nothing
+_FRACTION = itemgetter(2)  # of a hit: what share of its ray is free
+_BODIES = itemgetter(1, 2, 8)  # of a contact point: the two bodies and how far they are apart
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
 GREY, BLUE, ORANGE = (0.5, 0.5, 0.5, 1.0), (0.1, 0.4, 0.8, 1.0), (0.9, 0.5, 0.1, 1.0)
 
@@ -110,7 +113,7 @@ class BulletSimulator(Simulator):
         self._movers = [
             self._add_polygon(Thing("mover", i), row)
             if world.movers[i].outline
-            else self._add_round(Thing("mover", i), *row[:3].tolist(), 0.0, ORANGE)
+            else self._add_round(Thing("mover", i), row[0], row[1], row[2], 0.0, ORANGE)
             for i, row in zip(scene.mover_order(), moving, strict=True)
         ]
         self._poses = np.empty((len(self.bodies), 4))
@@ -131,19 +134,18 @@ class BulletSimulator(Simulator):
         if len(rays) > BATCH_MAX:
             return self.cast(index, rays[:BATCH_MAX]) + self.cast(index, rays[BATCH_MAX:])
         hits = pybullet.rayTestBatch(
-            [self.begins[ray] for ray in rays],
-            [self.ends[ray] for ray in rays],
+            list(map(self.begins.__getitem__, rays)),
+            list(map(self.ends.__getitem__, rays)),
             parentObjectUniqueId=self.bodies[index],
             physicsClientId=self.client,
         )
-        return [free for _, _, free, _, _ in hits]
+        return list(map(_FRACTION, hits))
 
-    def touches(self) -> Iterator[tuple[Thing, Thing]]:
+    def touches(self) -> list[tuple[Thing, Thing]]:
         """Return the pairs of things that touch now, among those that PyBullet finds near each other."""
         pybullet.performCollisionDetection(physicsClientId=self.client)
-        for _, one, other, _, _, _, _, _, distance, *_ in pybullet.getContactPoints(physicsClientId=self.client):
-            if distance <= 0.0:
-                yield self._things[one], self._things[other]
+        points = pybullet.getContactPoints(physicsClientId=self.client)
+        return [(self._things[one], self._things[other]) for one, other, away in map(_BODIES, points) if away <= 0.0]
 
     def show(self, dt_s: float) -> None:
         """Wait, so that the window runs in real time."""
