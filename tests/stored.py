@@ -12,7 +12,7 @@ from navbench.analysis.stored import Reading
 from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
-from navbench.records import CellKey, Names, RobotRecord, StudyCell, Thing, TuningKey
+from navbench.records import CellKey, Names, RobotRecord, Thing, TuningKey
 
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]
@@ -121,7 +121,7 @@ def a_cell(
     seed: int = -1,
     scene: Mapping[str, Any] = WORLD,
     **build: Any,
-) -> StudyCell:
+) -> CellKey:
     """Return a study's cell in a world of this configuration; what else differs makes its run_id."""
     run_id = f"{label}-{world}-{name}-{seed}".replace(" ", "").lower()
     configuration = {
@@ -132,7 +132,7 @@ def a_cell(
         "simulator": {},
     }
     names = Names("pid", world, "disc", "none", "ideal")
-    return StudyCell(CellKey(names, configuration, SOURCES, run_id, run_id, 0, 1), name, label, tuning, seed)
+    return CellKey(name, label, names, configuration, SOURCES, run_id, run_id, 0, 1, 0, tuning, seed)
 
 
 def a_tuning(name: str, seed: int) -> TuningKey:
@@ -147,7 +147,7 @@ def a_tuning(name: str, seed: int) -> TuningKey:
 
 def store(
     path: Path,
-    cells: Sequence[tuple[StudyCell, Sequence[RobotRecord | Fleet]]],
+    cells: Sequence[tuple[CellKey, Sequence[RobotRecord | Fleet]]],
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
@@ -166,13 +166,13 @@ def store(
     results.begin([cell for cell, _ in cells], tunings, study)
     for cell, records in cells:
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
-        world, _ = world_of(cell.key.configuration["world"], cell.key.names.world)
+        world, _ = world_of(cell.configuration["world"], cell.names.world)
         pairs = [
-            (episode, record._replace(layout=world.drawn_for(cell.key.seed, episode)))
+            (episode, record._replace(layout=world.drawn_for(cell.seed, episode)))
             for episode, fleet in enumerate(fleets)
             for record in fleet
         ]
-        results.write_batch(cell.key, range(len(records)), pairs)
+        results.write_batch(cell, range(len(records)), pairs)
     for tuning, values in zip(tunings, (costs or {}).values(), strict=True):
         columns = {
             "evaluation": list(range(len(values))),

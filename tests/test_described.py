@@ -47,7 +47,7 @@ def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Read
         rows = [
             (i, robot._replace(robot_index=k)) for i, robots in enumerate(episodes) for k, robot in enumerate(robots)
         ]
-        results.write_batch(cells[label].key, range(len(episodes)), rows)
+        results.write_batch(cells[label], range(len(episodes)), rows)
     results.end()
     return Reading(results)
 

@@ -92,7 +92,10 @@ def test_an_episode_that_kills_its_process_is_a_row_with_an_error(
     words = ("controller=suicidal", "world=empty", "episodes=8", "world.time_limit_s=0.1")
     cell = compose_cell(*words, config_dir=str(tmp_path / "conf"))
     batches = [Batch(cell, range(4)), Batch(cell, range(4, 8))]
-    records = {episode: record for _, batch in run(EPISODES, batches, workers=2) for episode, record in batch}
+    done = [batch for _, batch in run(EPISODES, batches, workers=2)]
+    records = {
+        episode: record for batch in done if not isinstance(batch, DescriptionError) for episode, record in batch
+    }
     died = {episode for episode, record in records.items() if record.outcome == "controller_error"}
     assert sorted(records) == list(range(8))
     assert 0 < len(died) < 5

@@ -211,7 +211,7 @@ def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
     cell, episodes = a_cell("A", "crossing", scene=CROSSING), []
     none = store(tmp_path / "none", [(cell, [a_fleet(9.0, 9.0)] * 3)])
-    drawn = [none.world(cell.key.run_id, episode) for episode in range(3)]
+    drawn = [none.world(cell.run_id, episode) for episode in range(3)]
     assert len({one.discs for one in drawn}) == 3
     for one in drawn:  # each robot stands in the middle of every disc in turn
         places = [(disc.x_m, disc.y_m) for disc in one.discs]
@@ -227,11 +227,11 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
 def test_the_stored_world_is_the_one_that_was_driven(tmp_path: Path) -> None:
     cell = a_cell("A", "crossing", scene=CROSSING)
     reading = store(tmp_path, [(cell, [a_fleet(9.0, 9.0)] * 2)])
-    first, second = reading.world(cell.key.run_id), reading.world(cell.key.run_id, 1)
+    first, second = reading.world(cell.run_id), reading.world(cell.run_id, 1)
     assert [first, second] == [world_of(CROSSING, "crossing")[0].drawn_for(0, episode) for episode in range(2)]
     assert first.movers
     assert first != second
-    assert first == reading.world(cell.key.run_id, 0)
+    assert first == reading.world(cell.run_id, 0)
     assert first.starts == second.starts
 
 

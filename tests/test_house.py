@@ -38,7 +38,7 @@ MODULES = {
 def place_of(module: str) -> str:
     """The key of a module in FLOORS: its package, or its own name where it stands at the top."""
     top = module.split(".")[1] if "." in module else ""
-    return "navbench" if top in ("", "__init__") else top
+    return "navbench" if top in ("", "__init__", "__main__") else top
 
 
 def imports_of(path: Path) -> set[str]:

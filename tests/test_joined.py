@@ -193,7 +193,7 @@ def crossed(tmp_path: Path) -> Reading:
     ]
     reading = store(tmp_path / "in", cells)
     pairs = [(0, pair[0]), (0, pair[1]), (1, pair[0]), (1, pair[0]._replace(robot_index=1))]
-    reading.results.write_batch(cells[2][0].key, range(2), pairs)
+    reading.results.write_batch(cells[2][0], range(2), pairs)
     return Reading(reading.results)
 
 

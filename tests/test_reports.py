@@ -19,7 +19,7 @@ from navbench.analysis.stored import Reading
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.experiments.engines import in_processes
 from navbench.experiments.store import Results
-from navbench.records import RobotRecord, StudyCell
+from navbench.records import CellKey, RobotRecord
 from navbench.report.comparison import fair_comparison
 from navbench.report.figures import PALETTE, styles, thinned
 from navbench.report.markup import escape, latex, markdown, number, save_table
@@ -206,7 +206,7 @@ def a_crossing(periods: int) -> Fleet:
 def smoke(path: Path) -> Reading:
     """Return a small study with everything that the sections ask for."""
     rng = np.random.default_rng(3)
-    cells: list[tuple[StudyCell, Sequence[RobotRecord | Fleet]]] = []
+    cells: list[tuple[CellKey, Sequence[RobotRecord | Fleet]]] = []
     for world in WORLDS.values():
         cells.append((a_cell("F", world), [a_record(time_s=10.0)]))
         cells += [

@@ -16,14 +16,15 @@ import pytest
 from stored import a_cell, a_record
 
 from navbench.cli.configuration import compose_cell
-from navbench.experiments.cells import Cell, run_batch
-from navbench.experiments.running import run_cells
+from navbench.experiments.cells import Cell, batches_of, run_batch
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
 from navbench.experiments.store import Results, ResultsError
-from navbench.records import RobotRecord, StudyCell
+from navbench.records import RobotRecord
 from navbench.report.tables import failures, summarize, to_markdown, to_text
 
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
-EPISODES = 60  # three parts, the last one shorter
+EPISODES = 60  # eight parts, the last one shorter
 WORDS = (
     "controller=sflc",
     "world=corner",
@@ -54,13 +55,17 @@ def cell() -> Cell:
 @pytest.fixture(scope="module")
 def once(cell: Cell, tmp_path_factory: pytest.TempPathFactory) -> Results:
     """The cell, run once in this process."""
-    return run_cells([cell], tmp_path_factory.mktemp("once"), workers=1)
+    return run_cell(cell, tmp_path_factory.mktemp("once"), 1)
 
 
 def parts_of(path: Path) -> dict[str, bytes]:
     """Return the bytes that must repeat: those of episodes/ and trajectories/."""
     files = sorted([*path.glob("episodes/*"), *path.glob("trajectories/*")])
     return {str(file.relative_to(path)): file.read_bytes() for file in files}
+
+
+def run_cell(cell: Cell, path: Path, workers: int) -> Results:
+    return run_plan(Plan(cells=(cell,)), path, workers).results
 
 
 def run_in_a_process(path: Path, *words: str) -> None:
@@ -70,15 +75,15 @@ def run_in_a_process(path: Path, *words: str) -> None:
 # The same seed gives the same bytes
 
 
-def test_a_run_is_three_parts_of_each_kind(once: Results) -> None:
+def test_a_run_is_eight_parts_of_each_kind(once: Results) -> None:
     run_id = once.manifest()["cells"][0]["run_id"]
-    names = [f"part-{run_id}-{first:06d}-{last:06d}.parquet" for first, last in ((0, 24), (25, 49), (50, 59))]
+    names = [f"part-{run_id}-{first:06d}-{min(first + 7, 59):06d}.parquet" for first in range(0, 60, 8)]
     for kind in ("episodes", "trajectories", "latency"):
         assert sorted(path.name for path in (once.path / kind).iterdir()) == names
 
 
 def test_the_same_seed_gives_the_same_bytes_twice(once: Results, cell: Cell, tmp_path: Path) -> None:
-    assert parts_of(run_cells([cell], tmp_path, workers=1).path) == parts_of(once.path)
+    assert parts_of(run_cell(cell, tmp_path, 1).path) == parts_of(once.path)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -88,34 +93,35 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(once: Results, tm
 
 
 def test_the_same_seed_gives_the_same_bytes_with_two_workers(once: Results, cell: Cell, tmp_path: Path) -> None:
-    assert parts_of(run_cells([cell], tmp_path, workers=2).path) == parts_of(once.path)
+    assert parts_of(run_cell(cell, tmp_path, 2).path) == parts_of(once.path)
 
 
 def test_the_same_seed_gives_the_same_bytes_in_another_order(once: Results, cell: Cell, tmp_path: Path) -> None:
     results = Results(tmp_path)
-    results.begin([StudyCell(cell.key(), "run", "sflc")])
+    code = once.code_of("episodes", next(once.path.glob("episodes/*")).name)
+    results.begin([cell.key()])
     with cell.runner() as runner:
-        for batch in reversed(cell.batches()):
+        for batch in reversed(batches_of(cell, cell.indices)):
             backwards = [(episode, record) for episode in reversed(batch.episodes) for record in runner.run(episode)]
-            results.write_batch(cell.key(), batch.episodes, backwards)
+            results.write_batch(cell.key(), batch.episodes, backwards, code=code)
     assert parts_of(tmp_path) == parts_of(once.path)
 
 
-def test_running_again_into_the_same_directory_gives_the_same_bytes(once: Results, cell: Cell, tmp_path: Path) -> None:
-    run_cells([cell], tmp_path, workers=1)
+def test_running_again_into_the_same_directory_runs_nothing_again(once: Results, cell: Cell, tmp_path: Path) -> None:
+    run_cell(cell, tmp_path, 1)
     first = {name: (tmp_path / name).stat().st_ino for name in parts_of(tmp_path)}
-    run_cells([cell], tmp_path, workers=1)
+    run_cell(cell, tmp_path, 1)
     assert parts_of(tmp_path) == parts_of(once.path)
-    assert all((tmp_path / name).stat().st_ino != inode for name, inode in first.items())  # they were written anew
+    assert all((tmp_path / name).stat().st_ino == inode for name, inode in first.items())
 
 
 def test_the_csv_repeats_too(once: Results, cell: Cell, tmp_path: Path) -> None:
-    again = run_cells([cell], tmp_path, workers=2)
+    again = run_cell(cell, tmp_path, 2)
     assert (again.path / "episodes.csv").read_bytes() == (once.path / "episodes.csv").read_bytes()
 
 
 def test_another_seed_gives_other_episodes(once: Results, tmp_path: Path) -> None:
-    other = run_cells([compose_cell(*WORDS, "seed=1")], tmp_path, workers=1)
+    other = run_cell(compose_cell(*WORDS, "seed=1"), tmp_path, 1)
     for name in ("path_length_m", "min_clearance_m", "heading_ise"):
         assert not np.intersect1d(once.episodes()[name], other.episodes()[name]).size, name
     assert not set(parts_of(tmp_path).values()) & set(parts_of(once.path).values())
@@ -123,12 +129,12 @@ def test_another_seed_gives_other_episodes(once: Results, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("word", [word for word in WORDS if "noise" in word or "jitter" in word or "std" in word])
 def test_each_kind_of_chance_changes_something(once: Results, tmp_path: Path, word: str) -> None:
-    without = run_cells([compose_cell(*WORDS, f"{word.split('=')[0]}=0.0", "episodes=5")], tmp_path, workers=1)
+    without = run_cell(compose_cell(*WORDS, f"{word.split('=')[0]}=0.0", "episodes=5"), tmp_path, 1)
     assert not np.isin(without.episodes()["heading_ise"], once.episodes()["heading_ise"]).any()
 
 
 def test_all_controllers_meet_the_same_starts(once: Results, tmp_path: Path) -> None:
-    other = run_cells([compose_cell(*WORDS, "controller=pid")], tmp_path, workers=1)
+    other = run_cell(compose_cell(*WORDS, "controller=pid"), tmp_path, 1)
 
     def starts(results: Results) -> bytes:
         first = results.trajectories().groupby("episode").head(1)
@@ -219,8 +225,8 @@ def mixed(tmp_path: Path) -> pd.DataFrame:
         a_record("collided", time_s=1.0, length_m=0.1, reason="hit box 0"),
         a_record("timed_out", time_s=60.0, length_m=20.0),
     ]
-    results.write_batch(first.key, range(4), list(enumerate(records)))
-    results.write_batch(second.key, range(1), [(0, a_record("controller_error", time_s=0.5, reason="ValueError: x"))])
+    results.write_batch(first, range(4), list(enumerate(records)))
+    results.write_batch(second, range(1), [(0, a_record("controller_error", time_s=0.5, reason="ValueError: x"))])
     return results.episodes()
 
 
@@ -266,7 +272,7 @@ def test_failures_are_named_with_their_reasons_and_counted(mixed: pd.DataFrame) 
 def test_a_crash_while_writing_leaves_no_half_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     results, cell = Results(tmp_path), a_cell()
     results.begin([cell])
-    results.write_batch(cell.key, range(1), [(0, a_record())])
+    results.write_batch(cell, range(1), [(0, a_record())])
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
     def half(table: object, file: Path, **_: object) -> None:
@@ -276,7 +282,7 @@ def test_a_crash_while_writing_leaves_no_half_part(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(pq, "write_table", half)
     for episodes in (range(1), range(1, 2)):
         with pytest.raises(OSError, match="No space left"):
-            results.write_batch(cell.key, episodes, [(episodes[0], a_record(time_s=7.0))])
+            results.write_batch(cell, episodes, [(episodes[0], a_record(time_s=7.0))])
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
@@ -284,7 +290,7 @@ def test_a_batch_whose_episodes_are_missing_is_not_read(tmp_path: Path) -> None:
     results, cell = Results(tmp_path), a_cell()
     results.begin([cell])
     for episode in range(2):
-        results.write_batch(cell.key, range(episode, episode + 1), [(episode, a_record())])
+        results.write_batch(cell, range(episode, episode + 1), [(episode, a_record())])
     next(path for path in (tmp_path / "episodes").iterdir() if path.stem.endswith("000001")).unlink()
     assert set(results.episodes()["episode"]) == {0}
     assert set(results.trajectories()["episode"]) == {0}
@@ -300,7 +306,7 @@ def test_a_run_that_breaks_before_its_first_batch_leaves_nothing(
 
     monkeypatch.setattr("navbench.experiments.running.run", broken)
     with pytest.raises(MemoryError):
-        run_cells([cell], tmp_path / "new" / "results", workers=1)
+        run_cell(cell, tmp_path / "new" / "results", 1)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -308,14 +314,14 @@ def test_a_run_that_breaks_later_keeps_what_was_finished(
     cell: Cell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(_: object, batches: list[object], *__: object) -> Iterator[tuple[int, list[tuple[int, RobotRecord]]]]:
-        yield 1, run_batch(cell.batches()[1])
+        yield 1, run_batch(batches_of(cell, cell.indices)[1])
         raise MemoryError
 
     monkeypatch.setattr("navbench.experiments.running.run", broken)
     with pytest.raises(MemoryError):
-        run_cells([cell], tmp_path, workers=1)
+        run_cell(cell, tmp_path, 1)
     results = Results(tmp_path)
-    assert list(results.episodes()["episode"]) == list(range(25, 50))
+    assert list(results.episodes()["episode"]) == list(range(8, 16))
     assert results.manifest()["ended"] is None
 
 
@@ -338,16 +344,21 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     for kind in ("episodes", "trajectories", "latency"):
         for part in (tmp_path / kind).glob("part-*"):
             pq.read_table(part)
-    kept, whole = parts_of(tmp_path), parts_of(once.path)
-    same = [name for name in kept if name in whole]
-    assert same
-    assert all(kept[name] == whole[name] for name in same)
+    for kept, whole in zip(_tables(Results(tmp_path)), _tables(once), strict=True):
+        both = set(kept["episode"]) & set(whole["episode"])
+        assert both
+        sides = [table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole)]
+        pd.testing.assert_frame_equal(*sides, rtol=0.0, atol=0.0)
+
+
+def _tables(results: Results) -> tuple[pd.DataFrame, pd.DataFrame]:
+    return results.episodes(), results.trajectories()
 
 
 def test_a_trace_never_hides_a_column_of_the_trajectory(tmp_path: Path) -> None:
     results, cell = Results(tmp_path), a_cell()
     results.begin([cell])
-    results.write_batch(cell.key, range(1), [(0, a_record(trace_names=("v_mps", "run_id", "a", "b", "c")))])
+    results.write_batch(cell, range(1), [(0, a_record(trace_names=("v_mps", "run_id", "a", "b", "c")))])
     table = results.trajectories()
     assert list(table) == [*STATE_COLUMNS, "trace_v_mps", "trace_run_id", "a", "b", "c"]
     assert set(table["v_mps"]) == {0.3}
@@ -357,9 +368,9 @@ def test_a_trace_never_hides_a_column_of_the_trajectory(tmp_path: Path) -> None:
 def test_parts_with_different_traces_are_read_together(tmp_path: Path) -> None:
     results, cell = Results(tmp_path), a_cell()
     results.begin([cell])
-    results.write_batch(cell.key, range(1), [(0, a_record())])
+    results.write_batch(cell, range(1), [(0, a_record())])
     silent = a_record(trace_names=(), traces=np.empty((5, 0)))
-    results.write_batch(cell.key, range(1, 2), [(1, silent)])
+    results.write_batch(cell, range(1, 2), [(1, silent)])
     table = results.trajectories()
     assert table.loc[table["episode"] == 1, "behavior"].isna().all()
     assert table.loc[table["episode"] == 0, "behavior"].notna().all()

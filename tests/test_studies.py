@@ -3,7 +3,6 @@
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import time
@@ -13,12 +12,11 @@ import pandas as pd
 import pytest
 from commands import NAVBENCH, Command
 
-from navbench.cli import composing
-from navbench.cli.catalogue import CONF
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_study, compose_tuning
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
 from navbench.experiments.store import Results
-from navbench.experiments.studies import Study, run_study
 from navbench.experiments.tunings import run_tuning
 from navbench.records import CellKey
 from navbench.validation import DescriptionError
@@ -101,27 +99,26 @@ def _alive(group: int) -> bool:
 
 def test_an_interrupt_ends_a_study_and_says_how_to_go_on(tmp_path: Path) -> None:
     run = study(tmp_path, "workers=2")
-    while not list((tmp_path / "outputs").rglob("manifest.json")):
-        time.sleep(0.05)
+    while not list((tmp_path / "outputs").rglob("episodes/part-*")):
+        time.sleep(0.02)
         assert run.poll() is None
-    time.sleep(1.0)
     run.send_signal(signal.SIGINT)
     _, err = run.communicate(timeout=60)
     assert run.returncode == 130
     assert "Traceback" not in err
-    assert "`navbench study smoke` goes on from there" in err
+    assert "this goes on from there: navbench study smoke workers=2" in err
 
 
 def test_finished_parts_are_not_run_again_and_foreign_ones_are_removed(finished: Path, tmp_path: Path) -> None:
     chosen = compose_study("smoke")
     path = tmp_path / "study"
     os.symlink(finished / "outputs/study/smoke/episodes", tmp_path / "unused")
-    results = run_study(chosen, path, 1, "local")
+    results = run_plan(chosen, path, 1).results
     before = {file: file.stat().st_mtime_ns for file in path.glob("episodes/*.parquet")}
     stray = path / "episodes" / "part-0123456789abcdef-000000-000024.parquet"
     stray.write_bytes(b"of another configuration")
     told: list[tuple[str, int, int]] = []
-    run_study(chosen, path, 1, "local", lambda *words: told.append(words))
+    run_plan(chosen, path, 1, progress=lambda *words: told.append(words))
     assert told == []
     assert not stray.exists()
     assert {file: file.stat().st_mtime_ns for file in path.glob("episodes/*.parquet")} == before
@@ -150,6 +147,14 @@ def test_every_evaluation_of_a_tuning_is_kept(finished: Path) -> None:
 
 WRONG = {
     "claims[0].measure.name": ("measure: {name: share_reached", "measure: {name: share_of_luck"),
+    "claims[0].measure.select.label=S.F.L.X.: no such cell is planned; there are S.F.L.C., untuned PID": (
+        "select: {name: fair, label: S.F.L.C.}",
+        "select: {name: fair, label: S.F.L.X.}",
+    ),
+    "report[1].select.name=unfair: no such cell is planned; there are printed, fair": (
+        "select: {name: fair}",
+        "select: {name: unfair}",
+    ),
     "cells[1].tuning=magic": (
         "tuning: random, overrides: [controller=pid",
         "tuning: magic, overrides: [controller=pid",
@@ -194,8 +199,8 @@ def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) ->
     (tmp_path / "study").mkdir()
     (tmp_path / "study/together.yaml").write_text(text.replace(each, together))
 
-    def cells(study: Study) -> list[tuple[str, str, CellKey]]:
-        return [(planned.name, planned.label, planned.cell.key()) for planned in study.cells]
+    def cells(study: Plan) -> list[CellKey]:
+        return [cell.key() for cell in study.cells]
 
     assert cells(compose_study("together", str(tmp_path))) == cells(compose_study("smoke"))
 
@@ -234,7 +239,7 @@ def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path
         (["name=../pid_mine"], "name=../pid_mine: must be a word of letters"),
         (["name=pid"], "name=pid: must be a word of letters, digits, _ and -, and not the controller's own"),
         (["budget=1000001"], "budget=1000001: must be at least 10, the first population of tuner=pso, and at most"),
-        (["+controller.repair=3"], "controller.repair=3: must be a mapping"),
+        (["+controller.repair=3"], "controller.repair._target_: missing; it must name a class"),
         (["sflc"], "sflc: unknown word"),
         (["--fast"], "--fast: unknown flag"),
     ],
@@ -278,11 +283,10 @@ def test_there_are_committed_results() -> None:
 def test_the_committed_results_are_those_of_the_study_as_it_stands(name: str) -> None:
     manifest = json.loads((RESULTS / name / "manifest.json").read_text())
     chosen = compose_study(name)
-    assert manifest["study"]["title"] == chosen.content["title"]
-    assert manifest["study"]["summary"] == chosen.content["summary"]
-    planned = {
-        (p.name, p.label, p.cell.key().config_hash, p.cell.seed, p.cell.episodes) for p in chosen.cells if not p.tuning
-    }
+    assert chosen.study
+    assert manifest["study"]["title"] == chosen.study["title"]
+    assert manifest["study"]["summary"] == chosen.study["summary"]
+    planned = {(c.name, c.label, c.key().config_hash, c.seed, c.episodes) for c in chosen.cells if not c.tuning}
     kept = [cell for cell in manifest["cells"] if not cell["tuning"]]
     assert {
         tuple(cell[key] for key in ("name", "label", "config_hash", "seed", "episodes")) for cell in kept
@@ -291,7 +295,7 @@ def test_the_committed_results_are_those_of_the_study_as_it_stands(name: str) ->
     assert {(tuning["tuning_id"], tuning["config_hash"]) for tuning in manifest["tunings"]} == tunings
     tuned = [cell for cell in manifest["cells"] if cell["tuning"]]
     assert {(cell["name"], cell["label"], cell["world"]) for cell in tuned} == {
-        (p.name, p.label, p.cell.names.world) for p in chosen.cells if p.tuning
+        (cell.name, cell.label, cell.names.world) for cell in chosen.cells if cell.tuning
     }
 
 
@@ -306,14 +310,10 @@ def test_a_tuning_in_further_worlds_keeps_its_number_of_workers() -> None:
     assert compose_tuning(["worlds=[deadlock]", "workers=1"])[2] == 1
 
 
-def test_a_file_that_changes_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = (CONF / "world/corner.yaml").read_text()
-    shutil.copytree(CONF, tmp_path / "conf")
-    monkeypatch.setattr(composing, "CONF", tmp_path / "conf")
-    monkeypatch.setattr(composing, "OWN", f"file://{tmp_path}/conf")
+def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+    (tmp_path / "world").mkdir()
     limits = []
     for limit in ("60.0", "61.0", "62.00"):
-        changed = text.replace("time_limit_s: 60.0", f"time_limit_s: {limit}")
-        (tmp_path / "conf/world/corner.yaml").write_text(changed)
-        limits.append(compose_cell("world=corner").world.time_limit_s)
+        (tmp_path / "world/mine.yaml").write_text(f"defaults: [corner, _self_]\ntime_limit_s: {limit}\n")
+        limits.append(compose_cell("world=mine", config_dir=tmp_path).world.time_limit_s)
     assert limits == [60.0, 61.0, 62.0]

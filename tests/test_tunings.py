@@ -163,10 +163,14 @@ WRONG = [
         "controller.build.gains.far.most=0.3: must be between 0.0 and 0.2, the bounds of controller.tunable.gains.far",
     ),
     ("gains.far: {low", "gains: {low", "controller.tunable.gains.speed_mps: gains.speed_mps is named there twice"),
-    ("steering.Ordered", "steering.Missing", "controller.repair: Error loading 'toy_steering.Missing'"),
-    ("toy_steering.Ordered", "nowhere.Ordered", "controller.repair: Error loading 'nowhere.Ordered'"),
-    (", most: gains.far.most", "", "controller.repair: Ordered.__init__() missing 1 required"),
-    ("_target_: toy_steering.Ordered, ", "", "controller.repair={'least'"),
+    ("steering.Ordered", "steering.Missing", "controller.repair._target_=toy_steering.Missing: cannot"),
+    ("toy_steering.Ordered", "nowhere.Ordered", "controller.repair._target_=nowhere.Ordered: cannot be"),
+    (", most: gains.far.most", "", "controller.repair.most: missing; a value is needed"),
+    (
+        "_target_: toy_steering.Ordered, ",
+        "",
+        "controller.repair._target_: missing; it must name a class with __call__(values)",
+    ),
     ("most: gains.far.most", "most: gains.most", "controller.repair: KeyError: 'gains.most'"),
     (
         "Ordered, least: gains.far.least, most: gains.far.most",

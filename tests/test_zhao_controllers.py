@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navbench.cli.configuration import compose_cell, compose_run
+from navbench.cli.composing import composing
+from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
 from navbench.controllers.zhao2017 import decisions as zhao2017
 from navbench.controllers.zhao2017.decisions import AHEAD, ASTERN, LEFT, NO_SENSOR, NO_SITUATION, RIGHT, SENSOR_ROLES
@@ -101,7 +102,8 @@ def build(name: str = "oa_to") -> dict[str, Any]:
 
 @functools.cache
 def _controller(name: str) -> dict[str, Any]:
-    values: dict[str, Any] = compose_run(f"controller={name}").values["controller"]
+    with composing() as composer:
+        values: dict[str, Any] = composer.values("run", [f"controller={name}"]).values["controller"]
     return values
 
 

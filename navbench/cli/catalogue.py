@@ -32,14 +32,19 @@ def check_folder(folder: Path) -> None:
     """
     if not folder.is_dir():
         raise DescriptionError(f"--config-dir={folder}: there is no such folder")
-    for group in LISTED:
-        for file in sorted((folder / group).glob("*.yaml")):
-            if (CONF / group / file.name).exists() and not file.samefile(CONF / group / file.name):
-                raise DescriptionError(f"{file}: navbench has a {group} of that name; choose another one")
-            try:
-                file.read_text(encoding="utf-8")
-            except UnicodeDecodeError as error:
-                raise DescriptionError(f"{file}: must be text in UTF-8; its byte {error.start + 1} is none") from None
+    groups = sorted(path.name for path in CONF.iterdir() if path.is_dir())
+    files = [*folder.glob("*.yaml"), *(file for group in groups for file in (folder / group).rglob("*.yaml"))]
+    for file in sorted(files):
+        place = file.relative_to(folder)
+        if (CONF / place).exists() and not file.samefile(CONF / place):
+            what = place.parts[0] if len(place.parts) > 1 else "file"
+            raise DescriptionError(f"{file}: navbench has a {what} of that name; choose another one")
+        try:
+            file.read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            raise DescriptionError(f"{file}: must be text in UTF-8; its byte {error.start + 1} is none") from None
+    if (folder / "schema").exists():
+        raise DescriptionError(f"{folder / 'schema'}: the schemas are navbench's own; choose another name")
 
 
 def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:

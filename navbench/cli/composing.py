@@ -11,11 +11,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import yaml
 from hydra import compose, initialize_config_module
 from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, ValueType
 from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -23,13 +26,13 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from navbench.cli import schema
-from navbench.cli.catalogue import GROUPS, LISTED, check_folder
+from navbench.cli.catalogue import CONF, GROUPS, LISTED, check_folder
 from navbench.validation import DescriptionError
 
 KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
 CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
 WORLD_SIDE = ("world", "robot", "simulator")  # a world a robot
-FOLDER: ContextVar[str | None] = ContextVar("FOLDER", default=None)
+FOLDER: ContextVar[str | Path | None] = ContextVar("FOLDER", default=None)
 
 
 class Composed(NamedTuple):
@@ -65,13 +68,14 @@ def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
         check_folder(Path(config_dir))
     schema.register()
     Plugins.instance().register(UserFolder)
-    token, before = FOLDER.set(config_dir and str(config_dir)), HydraConfig.instance().cfg
+    token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
+    GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
     try:
         with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
             yield Composer()
     finally:
         FOLDER.reset(token)
-        HydraConfig.instance().cfg = before
+        GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
 
 
 class Composer:
@@ -100,7 +104,8 @@ class Composer:
                 raise DescriptionError(f"{key_of(word)}: unknown key; the only one of Hydra's own here is {place}")
         jobs = combinations(words) if sweep else [list(words)]
         first = self._whole(name, jobs[0])
-        path = Path(OmegaConf.select(HydraConfig.instance().cfg, place))
+        told = HydraConfig.get()
+        path = Path(told.sweep.dir if sweep else told.run.dir)
         return [first, *(self.values(name, job) for job in jobs[1:])], path
 
     def values(self, name: str, words: Sequence[str]) -> Composed:
@@ -132,7 +137,7 @@ class Composer:
 
     def _config(self, name: str, words: Sequence[str]) -> DictConfig:
         check_words(words)
-        config = compose(name, list(words), return_hydra_config=True)
+        config = compose(name, list(words), return_hydra_config=True)  # which the resolver ``hydra`` reads
         HydraConfig.instance().set_config(config)
         with open_dict(config):
             del config["hydra"]
@@ -154,15 +159,16 @@ class Composer:
 
     def _compose_side(self, side: Sequence[str], *words: str) -> "_Side":
         """Return some groups of a run, composed without the others."""
+        run = yaml.safe_load((CONF / "run.yaml").read_text(encoding="utf-8"))
         without = [group for group in GROUPS if group not in side]
-        config = self._config("run", [*words, *(f"~{group}" for group in without)])
+        run["defaults"] = [entry for entry in run["defaults"] if not set(entry).intersection(without)]
+        ConfigStore.instance().store(name="side", node=run)
+        config = self._config("side", words)
         if not all(OmegaConf.is_missing(config, group) for group in without):
             raise HydraException(f"{', '.join(side)}: set what is not theirs")
         beside = [str(key) for key in config if key not in GROUPS]
         return _Side(
-            _plain(OmegaConf.masked_copy(config, list(side))),
-            _plain(OmegaConf.masked_copy(config, beside)),
-            {group: choice for group, choice in _choices().items() if group not in without},
+            _plain(OmegaConf.masked_copy(config, list(side))), _plain(OmegaConf.masked_copy(config, beside)), _choices()
         )
 
 
@@ -177,25 +183,34 @@ def combinations(words: Sequence[str]) -> list[list[str]]:
 
     Raises:
         hydra.errors.HydraException: a word cannot be read, or goes over what has no end.
+        DescriptionError: a glob finds nothing.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(list(words))
-    values = [
-        [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-        if override.is_sweep_override()
-        else [str(override.input_line)]
-        for override in parsed
-    ]
-    return [list(job) for job in itertools.product(*values)]
+    return [list(job) for job in itertools.product(*map(_single, parsed))]
+
+
+def _single(override: Override) -> list[str]:
+    """Return the words that a word of a sweep stands for."""
+    if not override.is_sweep_override():
+        return [str(override.input_line)]
+    values = list(override.sweep_string_iterator())
+    if override.value_type is ValueType.GLOB_CHOICE_SWEEP:
+        values = [value for value in values if not value.startswith("_")]  # these are parts of others
+        if not values:
+            raise DescriptionError(f"{override.input_line}: no name is like that")
+    return [f"{override.get_key_element()}={value}" for value in values]
 
 
 def check_words(words: Iterable[str]) -> None:
     """Check the words that choose a file: Hydra takes a null, a number or a list for a slip in the program.
 
+    A name with .yaml Hydra would take, and results would then bear it.
+
     Raises:
         DescriptionError: a word chooses no name.
     """
     for word in words:
-        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*)", word, re.DOTALL)
+        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*|.*\.yaml)", word, re.DOTALL)
         if group:
             raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
 

@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ def carry_out(
     path: Path,
     again: str,
     finish: Callable[[Results], None],
-    wrong: Mapping[str, int] | None = None,
+    missing: int = 0,
     **options: Any,
 ) -> int:
     """Run a plan, and return the exit code: 0 only if every planned episode has its row.
@@ -30,7 +30,7 @@ def carry_out(
         path: the results directory.
         again: the command that goes on where this one stops.
         finish: prints and writes what the results are for, when all has been run that could be.
-        wrong: what is planned but is not in the plan, for it cannot be run: why, and how many episodes each.
+        missing: how many episodes were asked for but are not in the plan, for their cells cannot be run.
         options: workers, engine and other_code of ``run_plan``.
 
     Raises:
@@ -54,8 +54,9 @@ def carry_out(
         complain(f"interrupted{far}; they are kept in {path}, and this goes on from there: {again}")
         return INTERRUPTED
     finish(ran.results)
-    planned = ran.planned + sum((wrong or {}).values())
+    planned = ran.planned + missing
     if ran.finished == planned:
         return 0
-    complain(f"{ran.finished} of {planned} planned episodes are there: {'; '.join([*(wrong or {}), *ran.reasons])}")
+    reasons = [*(["the cells named above cannot be run"] if missing else []), *ran.reasons]
+    complain(f"{ran.finished} of {planned} planned episodes are there: {'; '.join(reasons)}")
     return UNFINISHED

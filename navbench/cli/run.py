@@ -41,4 +41,4 @@ def run(arguments: Sequence[str]) -> int:
     named = any(word.startswith(f"{place}=") for word in words.overrides)
     again = shlex.join(["navbench", *arguments, *([] if named else [f"{place}={path}"])])
     options = {"workers": composed[0].values["workers"], "other_code": words.other_code}
-    return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, wrong, **options)
+    return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, sum(wrong.values()), **options)

@@ -68,15 +68,18 @@ def run_plan(
     if any(cell.options.gui for cell in plan.cells):
         workers = 1
     running = _Running(plan, results, workers, engine, progress, other_code)
+    begun = False
     try:
         running.begin()
+        begun = True
         running.search()
         ran = running.drive()
     except BaseException as error:
-        if isinstance(error, ValueError):  # what cannot be run is not gone on with
+        if begun and isinstance(error, ValueError):  # what cannot be run is not gone on with
             results.keep_only(["evaluations"], [tuning_name(tuning.key()) for tuning in plan.tunings])
-        results.write_csv()
-        results.abandon()
+        if begun:
+            results.write_csv()
+            results.abandon()
         discard_empty(path, there)
         raise
     results.end()
