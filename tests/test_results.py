@@ -340,7 +340,7 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     workers = workers_of(run.pid)
     assert workers
     os.kill(workers[0] if victim == "a worker" else run.pid, signal.SIGKILL)
-    _, err = run.communicate(timeout=60.0)  # which waits for the workers too, for they hold the pipe
+    _, err = run.communicate(timeout=300.0)  # which waits for the workers too, for they hold the pipe
     if victim == "a worker":
         assert run.returncode == 0, err
         assert list(Results(tmp_path).episodes()["episode"]) == list(range(300))
