@@ -15,6 +15,7 @@ import pytest
 from commands import NAVBENCH, Command
 
 from navbench.cli.configuration import compose_cell
+from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tables import PANELS_MAX, _drawn
 from navbench.experiments.cells import BATCH_MAX, batches_of
 from navbench.experiments.code import code_of, roots_of
@@ -41,7 +42,8 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "mine_speed.py").write_text("SPEED_MPS = 0.1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(sys, "modules", dict(sys.modules))
+    for name in ("mine", "mine_speed"):  # of another test's folder
+        sys.modules.pop(name, None)
     return tmp_path
 
 
@@ -101,25 +103,25 @@ def test_a_resume_under_other_code_says_what_changed_and_runs_that_anew(
     own: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     plan, path = plan_of(own, "mine", "go_to_goal"), own / "results"
-    before = {file.name: file.stat().st_ino for file in run_plan(plan, path).results.path.glob("episodes/*")}
+    before = {file.name: file.stat().st_ino for file in run_plan(plan, path, 1).results.path.glob("episodes/*")}
     (own / "mine_speed.py").write_text("SPEED_MPS = 0.10\n")
-    results = run_plan(plan, path).results
+    results = run_plan(plan, path, 1).results
     assert "3 parts are of other code (mine_speed): they are run anew" in caplog.text
     after = {file.name: file.stat().st_ino for file in path.glob("episodes/*")}
     mine = results.manifest()["cells"][0]["run_id"]
     assert {name for name in before if before[name] != after[name]} == {name for name in before if mine in name}
     caplog.clear()
-    run_plan(plan, path)
+    run_plan(plan, path, 1)
     assert not caplog.text
     assert {file.name: file.stat().st_ino for file in path.glob("episodes/*")} == after
 
 
 def test_parts_of_other_code_may_be_kept_and_that_is_recorded(own: Path, caplog: pytest.LogCaptureFixture) -> None:
     plan, path = plan_of(own, "mine"), own / "results"
-    run_plan(plan, path)
+    run_plan(plan, path, 1)
     before = {file: file.stat().st_ino for file in path.glob("episodes/*")}
     (own / "mine_speed.py").write_text("SPEED_MPS = 0.2\n")
-    run_plan(plan, path, other_code=True)
+    run_plan(plan, path, 1, other_code=True)
     assert {file: file.stat().st_ino for file in path.glob("episodes/*")} == before
     assert "they are kept" in caplog.text
     (note,) = json.loads((path / "manifest.json").read_text())["resumed"]
@@ -127,11 +129,35 @@ def test_parts_of_other_code_may_be_kept_and_that_is_recorded(own: Path, caplog:
 
 
 def test_a_directory_with_other_work_is_refused_and_stays(own: Path) -> None:
-    run_plan(plan_of(own, "mine"), own / "results")
+    run_plan(plan_of(own, "mine"), own / "results", 1)
     before = {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()}
     with pytest.raises(DescriptionError, match="holds the results of other work"):
-        run_plan(plan_of(own, "go_to_goal"), own / "results")
+        run_plan(plan_of(own, "go_to_goal"), own / "results", 1)
     assert {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()} == before
+
+
+# Tunings
+
+
+def test_a_tuning_that_is_interrupted_goes_on_after_its_last_generation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["controller=pid", "tuner=pso", "objective=ise", "world=corner", "budget=40", "world.time_limit_s=1.0"]
+    tuning, _, _ = compose_tuning(words)
+    plan = Plan(cells=tuning.cells, tunings=(tuning,), study={"name": "tune it"})
+    whole = run_plan(plan, tmp_path / "whole", 1).results.evaluations()
+
+    def interrupt(what: str, done: int, of: int) -> None:
+        if done == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(plan, tmp_path / "stopped", 1, progress=interrupt)
+    told: list[tuple[str, int, int]] = []
+    results = run_plan(plan, tmp_path / "stopped", 1, progress=lambda *words: told.append(words)).results
+    assert [done for what, done, _ in told if what.endswith("evaluations")] == [30, 40]
+    pd.testing.assert_frame_equal(results.evaluations(), whole, rtol=0.0, atol=0.0)
+    assert [file.name.split("-")[0] for file in (tmp_path / "stopped/evaluations").iterdir()] == ["part"]
 
 
 # What is missing

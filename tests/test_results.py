@@ -346,8 +346,8 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     for kept, whole in zip(_tables(Results(tmp_path)), _tables(once), strict=True):
         both = set(kept["episode"]) & set(whole["episode"])
         assert both
-        sides = [table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole)]
-        pd.testing.assert_frame_equal(*sides, rtol=0.0, atol=0.0)
+        mine, wanted = (table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole))
+        pd.testing.assert_frame_equal(mine, wanted, rtol=0.0, atol=0.0)
 
 
 def _tables(results: Results) -> tuple[pd.DataFrame, pd.DataFrame]:
