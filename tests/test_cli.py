@@ -581,3 +581,9 @@ def test_a_full_output_is_one_line(tmp_path: Path) -> None:
         pytest.skip("no /dev/full here")
     done = subprocess.run(f"{NAVBENCH} list > /dev/full", shell=True, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "navbench: the output: No space left on device\n")
+
+
+def test_the_folder_of_configurations_may_stand_before_the_verb(own: Path, command: Command) -> None:
+    assert command("--config-dir", "conf", "list", "controller") == command(
+        "list", "controller", "--config-dir", "conf"
+    )
