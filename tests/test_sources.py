@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import navbench
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.cli.configuration import compose_cell
 from navbench.experiments.store import Results, ResultsError
 from navbench.validation import DescriptionError
@@ -67,11 +67,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         sys.modules.pop(name, None)
 
 
-def run(folder: Path, *words: str, episodes: int = 8) -> Reading:
+def run(folder: Path, *words: str, episodes: int = 8) -> StoredResults:
     """Run go_to_goal, and return what is kept."""
     words = ("controller=go_to_goal", f"episodes={episodes}", "workers=1", *words)
     navbench.run(*words, config_dir=str(folder / "conf"), path=folder / "out")
-    return Reading(Results(folder / "out"))
+    return StoredResults(Results(folder / "out"))
 
 
 def test_a_bad_draw_costs_its_episode_and_says_why(folder: Path) -> None:
@@ -95,7 +95,7 @@ def test_what_is_read_is_the_layout_that_was_driven_not_what_the_generator_would
     (run_id,) = reading.cells["run_id"]
     kept = [reading.world(run_id, episode).walls for episode in (0, 5, 6, 7)]
     (folder / "mine" / "rooms.py").unlink()
-    again = Reading(Results(folder / "out"))
+    again = StoredResults(Results(folder / "out"))
     assert [again.world(run_id, episode).walls for episode in (0, 5, 6, 7)] == kept
     assert len(set(kept)) == 4
     common = again.world_in_common(run_id)
