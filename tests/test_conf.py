@@ -135,6 +135,12 @@ def test_a_controller_can_be_sent_to_another_process_before_and_after_it_acts(ce
     assert here.act(look) == there.act(look)
 
 
+def test_every_line_of_the_configuration_fits_an_editor() -> None:
+    for file in CONF.rglob("*.yaml"):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            assert len(line) <= 125 or " " not in line.partition(": ")[2], f"{file.relative_to(CONF)}: {line}"
+
+
 def test_a_schema_stands_behind_every_file_of_a_description() -> None:
     for group in ("world", "robot", "sensors", "simulator"):
         for name in files_of(group, [CONF]):

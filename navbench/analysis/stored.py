@@ -142,6 +142,19 @@ class StoredResults:
         """Return when the episodes of a cell end for every robot still running [s]."""
         return float(self.configuration(run_id)["configuration"]["world"]["time_limit_s"])
 
+    def shared_time_limit_s(self, rows: "pd.DataFrame") -> float:
+        """Return the one time limit of all cells of some episodes or pairs [s].
+
+        Raises:
+            DescriptionError: they have several.
+        """
+        runs = {run_id for column in ("run_id", "run_id_other") if column in rows for run_id in rows[column]}
+        limits_s = {self.time_limit_s(run_id) for run_id in runs}
+        if len(limits_s) != 1:
+            worlds = ", ".join(sorted(set(rows["world"])))
+            raise DescriptionError(f"{self.results.path}: {worlds}: the worlds must share one time limit")
+        return limits_s.pop()
+
     def world_in_common(self, run_id: str) -> DrawnWorld | None:
         """Return what stands in all episodes of a cell, or None where no layout is stored."""
         distinct = {layout: episode for (run, episode), layout in self._layout_ids.items() if run == run_id and layout}
