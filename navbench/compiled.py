@@ -56,7 +56,7 @@ def digest_of_sources(beside: str | None = None) -> str:
         beside: the folder of a user's own sources, which are then part of it.
     """
     digest = hashlib.sha256(repr((sys.version, numba.__version__, llvmlite.__version__)).encode())
-    controllers = find_spec("navbench.controllers")  # a link in an editable install, which rglob does not follow
+    controllers = find_spec("navbench.controllers")  # beside this folder in the source tree
     roots = [Path(__file__).parent, *map(Path, (controllers and controllers.submodule_search_locations) or ())]
     files = {file for root in roots for file in root.rglob("*.py") if file.relative_to(root).parts[0] not in ABOVE}
     for file in sorted(files | set(Path(beside).glob("*.py") if beside else ())):

@@ -90,13 +90,19 @@ def a_simulator(
         [Pose(start.x_m, start.y_m, world.start_heading_rad(i)) for i, start in enumerate(world.starts)]
         if poses is None
         else poses,
+        world.goal_tolerance_m,
     )
     return simulator
 
 
-def reset(simulator: Simulator, world: DrawnWorld, poses: Sequence[Pose]) -> None:
+def reset(simulator: Simulator, layout: Layout, poses: Sequence[Pose], goal_tolerance_m: float = 0.1) -> None:
     """Begin an episode with the robots at these poses."""
-    simulator.reset(world, poses, world.goal_tolerance_m)
+    simulator.reset(layout, poses, goal_tolerance_m)
+
+
+def again(simulator: Simulator, poses: Sequence[Pose]) -> None:
+    """Begin another episode in the layout of the last one."""
+    simulator.reset(simulator.scene.layout, poses, 0.1)
 
 
 def pose_of(simulator: Simulator, index: int = 0) -> Pose:

@@ -1,22 +1,31 @@
 """Small results directories with made-up records, which the tests of the reading floor share."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
 from navbench.mathematics.metrics import Metrics
 from navbench.records import CellKey, Names, RobotRecord, Thing, TuningKey
+from navbench.report.document import Blocks, Document
+from navbench.report.markdown import render
+from navbench.report.page import Page
+from navbench.report.reports import write_document
 
 FloatArray = NDArray[np.float64]
 Fleet = list[RobotRecord]
 
+AOUF2019 = "navbench.controllers.aouf2019.measures"
+LEI2014 = "navbench.controllers.lei2014.measures"
+NEMEIKSIS2019 = "navbench.controllers.nemeiksis2019.measures"
+ZHAO2017 = "navbench.controllers.zhao2017.measures"
+ZHAO2018 = "navbench.controllers.zhao2018.measures"
 LIMIT_S = 60.0
 TRACE = ("behavior", "heading_error_rad", "goal_distance_m", "at_obstacle", "stalled")
 WORLD = {
@@ -151,7 +160,7 @@ def store(
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
-) -> Reading:
+) -> StoredResults:
     """Write a results directory and return it as it is read.
 
     Args:
@@ -185,4 +194,12 @@ def store(
     for name, table in (descriptions or {}).items():
         results.write_description(name, table)
     results.end()
-    return Reading(results)
+    return StoredResults(results)
+
+
+def told(section: Callable[..., Blocks], stored: StoredResults, out: Path, **arguments: Any) -> str:
+    """Build a section, write what it consists of, and return it in Markdown; ``file`` is "t" unless it is given."""
+    own = {name: arguments.pop(name) for name in ("file", "caption") if name in arguments}
+    document = Document("", section(Page(stored, out, **{"file": "t", "caption": "c", **own}), **arguments))
+    write_document(document, out)
+    return render(document)

@@ -131,14 +131,12 @@ WRONG = [
     ((*GO, "world.time_limit_s=1e400"), "world.time_limit_s=inf: must be a finite number"),
     ((*GO, "robot.radius_m=1e-12"), "world.time_limit_s=60.0: must be at most 1000000 steps", "radius 1e-12 m"),
     (
-        ("controller=go_to_goal", "world=random_movers", "world.layout.movers.speed_mps=[1.0,1e9]"),
+        ("controller=go_to_goal", "world=random_movers", "world.source.parts.movers.speed_mps=[1.0,1e4]",
+         "world.source.parts.movers.leg_m=[20.0,50.0]"),
         "world.time_limit_s=150.0: must be at most 1000000 steps",
-        "speeds to 1e+09 m/s",
+        "speeds to 1e+04 m/s",
     ),
-    (
-        ("controller=go_to_goal", "world=swap_circle", "world.discs=[{x_m: 50.0, y_m: 50.0, radius_m: 44.0}]"),
-        "start_jitter_m=0.0: no free place within it of world.starts[0] in episode 0",
-    ),
+    ((*GO, "world.goals=[{x_m: 1.48, y_m: 0}]"), "world.goals[0]: (1.48, 0.0) lies 0.02 m from an obstacle", "nearer"),
     ((*GO, "controller.native.period_s=1e-9"), "must be at most 1000000 steps", "control period 1e-09 s"),
     ((*GO, "controller.native.period_s=0"), "controller.native.period_s=0: must be a finite number above 0"),
     ((*GO, "controller.build.speed_mps=nan"), "controller.build.speed_mps=nan: must be a finite number"),

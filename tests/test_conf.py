@@ -45,9 +45,12 @@ def load(group: str, name: str) -> dict[str, object]:
     merged: dict[str, object] = {}
     for entry in own.get("defaults", []):
         key, part = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
-        part = str(part).split("@")[0] if not key else str(part)
+        part, _, place = str(part).partition("@") if not key else (str(part), "", "")
         if part != "_self_" and "/" not in f"{key}{part}" and not key.startswith("override"):
-            merge(merged, load(group, part))
+            content = load(group, part)
+            for name in reversed(place.split(".") if place else []):
+                content = {name: content}
+            merge(merged, content)
     merge(merged, own)
     return merged
 

@@ -6,17 +6,17 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from stored import a_cell, a_record, store
+from stored import LEI2014, NEMEIKSIS2019, a_cell, a_record, store, told
 
-from navbench.analysis.claims import Measured
-from navbench.analysis.measures import measure
-from navbench.analysis.stored import Reading
+from navbench.analysis.measuring import measure
+from navbench.analysis.stored import StoredResults
+from navbench.controllers.lei2014.sections import surface_2d
+from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
 from navbench.experiments.store import Results
+from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
-from navbench.report import described
-from navbench.report.described import counts, surface_2d
-from navbench.report.robustness import robustness
-from navbench.report.run_figures import spells_on_the_way
+from navbench.report import page
+from navbench.report.outcomes import robustness
 
 TABLES: dict[str, dict[str, Any]] = {
     "it-surface": {
@@ -38,7 +38,7 @@ def episode(clearance_m: float, contacts: int = 0, outcome: str = "reached", **c
     return record._replace(metrics=record.metrics._replace(min_clearance_m=clearance_m, collisions=contacts))
 
 
-def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Reading:
+def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> StoredResults:
     """Return stored episodes of several robots, by their controller's label."""
     results = Results(path)
     cells = {label: a_cell(label) for label in fleets}
@@ -49,19 +49,19 @@ def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> Read
         ]
         results.write_batch(cells[label], range(len(episodes)), rows)
     results.end()
-    return Reading(results)
+    return StoredResults(results)
 
 
 @pytest.fixture
-def reading(tmp_path: Path) -> Reading:
+def reading(tmp_path: Path) -> StoredResults:
     here = [episode(0.4), episode(0.1), episode(0.3, outcome="timed_out"), episode(-0.01, 1, "collided")]
     there = [episode(0.2), episode(0.2), episode(0.3), episode(-0.02, 1, "collided")]
     cells = [(a_cell("A"), here), (a_cell("B"), there)]
     return store(tmp_path / "in", cells, descriptions=TABLES)
 
 
-def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: Reading, tmp_path: Path) -> None:
-    text = counts(reading, tmp_path, file="c", table="it-list", by=["agent", "agrees"])
+def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: StoredResults, tmp_path: Path) -> None:
+    text = told(counts, reading, tmp_path, file="c", table="it-list", by=["agent", "agrees"])
     lines = [line for line in text.splitlines() if line.startswith("|")][2:]
     assert lines == [
         "| none | True | 1 |",
@@ -72,34 +72,36 @@ def test_counts_print_each_combination_once_and_keep_the_whole_table(reading: Re
     assert pd.read_csv(tmp_path / "tables/c.csv", keep_default_na=False).to_dict("list") == TABLES["it-list"]
 
 
-def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(reading: Reading, tmp_path: Path) -> None:
+def test_a_surface_lies_as_its_table_says_whatever_the_order_of_its_rows(
+    reading: StoredResults, tmp_path: Path
+) -> None:
     shuffled = {name: values[::-1] for name, values in TABLES["it-surface"].items()}
     other = store(tmp_path / "other", [(a_cell("A"), [a_record()])], descriptions={"it-surface": shuffled})
     drawn = []
     for i, one in enumerate((reading, other)):
-        surface_2d(one, tmp_path / str(i), file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+        told(surface_2d, one, tmp_path / str(i), file="s", table="it-surface", x="x", y="y", value="z")
         drawn.append((tmp_path / str(i) / "figures/s.svg").read_bytes())
     assert drawn[0] == drawn[1]
     turned = {**TABLES["it-surface"], "z": TABLES["it-surface"]["z"][::-1]}
     third = store(tmp_path / "third", [(a_cell("A"), [a_record()])], descriptions={"it-surface": turned})
-    surface_2d(third, tmp_path / "2", file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    told(surface_2d, third, tmp_path / "2", file="s", table="it-surface", x="x", y="y", value="z")
     assert (tmp_path / "2/figures/s.svg").read_bytes() != drawn[0]
 
 
 def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
-    reading: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    reading: StoredResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[Any] = []
-    monkeypatch.setattr(described, "save_figure", lambda figure, *_: drawn.append(figure))
-    surface_2d(reading, tmp_path, file="s", caption="c", table="it-surface", x="x", y="y", value="z")
+    monkeypatch.setattr(page, "save_figure", lambda figure, *_: drawn.append(figure))
+    told(surface_2d, reading, tmp_path, file="s", table="it-surface", x="x", y="y", value="z")
     ax = drawn[0].axes[0]
     assert (ax.get_xlim(), ax.get_ylim()) == ((0.0, 2.0), (0.0, 1.0))
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
 
 
-def test_described_rows_are_counted(reading: Reading) -> None:
-    def count(**where: Any) -> Measured | None:
-        return measure(reading, "described_count", {"table": "it-list", "where": where})
+def test_described_rows_are_counted(reading: StoredResults) -> None:
+    def count(**where: Any) -> Estimate | None:
+        return measure(reading, f"{NEMEIKSIS2019}.described_count", {"table": "it-list", "where": where})
 
     assert count(agent="wall") == (3.0, 3.0, 3.0, 5)
     assert count(agent="wall", agrees=True) == (2.0, 2.0, 2.0, 5)
@@ -108,37 +110,43 @@ def test_described_rows_are_counted(reading: Reading) -> None:
 
 def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path) -> None:
     fleets = store_fleets(tmp_path, {"A": [[episode(0.3), episode(0.2, 1)], [episode(0.3), episode(0.2)]]})
-    found = measure(fleets, "share_of_fleets_free", {"select": HERE})
+    found = measure(fleets, f"{LEI2014}.share_of_fleets_free", {"select": HERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 2)
 
 
-def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(reading: Reading, tmp_path: Path) -> None:
-    found = measure(reading, "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+def test_of_two_fleets_the_one_is_clearer_whose_least_clearance_is_greater(
+    reading: StoredResults, tmp_path: Path
+) -> None:
+    found = measure(reading, f"{LEI2014}.share_of_fleets_clearer", {"select": HERE, "than": THERE})
     assert found is not None
     assert (found.value, found.n) == (0.5, 4)  # 0.4 > 0.2, 0.1 < 0.2, 0.3 = 0.3, -0.01 > -0.02
     fleets = {"A": [[episode(0.9), episode(0.1)]], "B": [[episode(0.2), episode(0.2)]]}
-    found = measure(store_fleets(tmp_path / "two", fleets), "share_of_fleets_clearer", {"select": HERE, "than": THERE})
+    found = measure(
+        store_fleets(tmp_path / "two", fleets),
+        f"{LEI2014}.share_of_fleets_clearer",
+        {"select": HERE, "than": THERE},
+    )
     assert found is not None
     assert (found.value, found.n) == (0.0, 1)
 
 
-def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: Reading, tmp_path: Path) -> None:
-    text = robustness(reading, tmp_path, file="r", cells={"it": HERE}, worlds={"plain one": "plain"})
+def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: StoredResults, tmp_path: Path) -> None:
+    text = told(robustness, reading, tmp_path, file="r", cells={"it": HERE}, worlds={"plain one": "plain"})
     row = pd.read_csv(tmp_path / "tables/r.csv").to_dict("records")[0]
-    assert (row["reached"], row["free"], row["n"]) == (0.5, 0.75, 4)
+    assert (row["reached"], row["free"], row["free_n"]) == (0.5, 0.75, 4)
     assert row["reached_low"] < 0.5 < row["reached_high"]
     assert row["clearance_m"] == pytest.approx(0.2)
     assert row["clearance_least_m"] == pytest.approx(-0.01)
-    assert row["clearance_low_m"] <= 0.2 <= row["clearance_high_m"]
+    assert row["clearance_m_low"] <= 0.2 <= row["clearance_m_high"]
     assert "| plain one | it | 2 of 4: 0.500 [" in text
     assert "3 of 4: 0.750 [" in text
 
 
 def test_where_nothing_stands_round_there_is_no_clearance(tmp_path: Path) -> None:
     alone = store(tmp_path / "in", [(a_cell("A"), [episode(math.inf)] * 3)])
-    text = robustness(alone, tmp_path, file="r", cells={"it": HERE}, worlds={"plain": "plain"})
-    assert text.splitlines()[2].endswith("| – | – |")
+    text = told(robustness, alone, tmp_path, file="r", cells={"it": HERE}, worlds={"plain": "plain"})
+    assert "| – | – |\n" in text
 
 
 def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> None:
@@ -150,11 +158,11 @@ def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> N
     traced = record.traces.copy()
     traced[:4, 0] = states
     reading = store(tmp_path / "in", [(a_cell("A"), [record._replace(traces=traced)])])
-    text = spells_on_the_way(
+    text = told(
+        spells_on_path,
         reading,
         tmp_path,
         file="w",
-        caption="c",
         select=HERE,
         column="behavior",
         values={"go": 0.0, "follow": 1.0},

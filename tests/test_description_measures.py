@@ -5,16 +5,19 @@ import numpy as np
 import pytest
 from stored import a_cell, a_record, store
 
-from navbench.analysis.description_measures import (
-    described_is_less,
+from navbench.analysis.measures import described_is_less, described_value
+from navbench.analysis.stored import StoredResults
+from navbench.controllers.lei2014.measures import (
     described_ratio,
     described_total,
-    described_value,
     share_falling,
+    share_longer_in,
+    share_mainly,
+    share_of_time,
+    share_of_worlds_safer,
+    time_at_least,
 )
-from navbench.analysis.measures import share_greater, share_of_worlds_safer
-from navbench.analysis.path_measures import share_longer_in, share_mainly, share_of_time, time_at_least
-from navbench.analysis.stored import Reading
+from navbench.controllers.nemeiksis2019.measures import share_greater
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
 
@@ -25,7 +28,7 @@ TABLES: dict[str, Any] = {
 ONE, TWO = {"part": "one"}, {"part": "two", "kind": "b"}
 
 
-def a_way(states: list[float], period_s: float = 2.0, last_s: float = 1.0, **changes: Any) -> RobotRecord:
+def a_trajectory(states: list[float], period_s: float = 2.0, last_s: float = 1.0, **changes: Any) -> RobotRecord:
     """Return a record whose trace is a state a control period, the last of which is cut short."""
     t_s = np.append(period_s * np.arange(len(states)), period_s * (len(states) - 1) + last_s)
     rows = np.zeros((len(t_s), 6))
@@ -34,18 +37,18 @@ def a_way(states: list[float], period_s: float = 2.0, last_s: float = 1.0, **cha
     return a_record(time_s=float(t_s[-1]), states=rows, traces=traces, trace_names=("state", "level"), **changes)
 
 
-def reading_of(path: Path, **labels: list[RobotRecord]) -> Reading:
+def stored_of(path: Path, **labels: list[RobotRecord]) -> StoredResults:
     cells = [(a_cell(label), records) for label, records in labels.items()]
     return store(path, cells or [(a_cell("A"), [a_record()])], descriptions=TABLES)
 
 
 def test_a_described_value_is_that_of_the_one_row_that_matches(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path)
-    assert described_value(reading, "it-sizes", "rules", TWO) == (20.0, 20.0, 20.0, 1)
+    stored = stored_of(tmp_path)
+    assert described_value(stored, "it-sizes", "rules", TWO) == (20.0, 20.0, 20.0, 1)
     with pytest.raises(DescriptionError, match="2 rows match"):
-        described_value(reading, "it-sizes", "rules", {"part": "two"})
+        described_value(stored, "it-sizes", "rules", {"part": "two"})
     with pytest.raises(DescriptionError, match="0 rows match"):
-        described_value(reading, "it-sizes", "rules", {"part": "three"})
+        described_value(stored, "it-sizes", "rules", {"part": "three"})
 
 
 @pytest.mark.parametrize(
@@ -58,45 +61,48 @@ def test_a_described_value_is_that_of_the_one_row_that_matches(tmp_path: Path) -
 )
 def test_a_wrong_name_is_named(tmp_path: Path, table: str, column: str, where: Any, says: str) -> None:
     with pytest.raises(DescriptionError, match=says):
-        described_value(reading_of(tmp_path), table, column, where)
+        described_value(stored_of(tmp_path), table, column, where)
 
 
 def test_described_values_are_added_and_compared(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path)
-    assert described_total(reading, "it-sizes", "rules") == (34.0, 34.0, 34.0, 3)
-    assert described_ratio(reading, "it-sizes", "rules", ONE, over=TWO) == (0.2, 0.2, 0.2, 1)
+    stored = stored_of(tmp_path)
+    assert described_total(stored, "it-sizes", "rules") == (34.0, 34.0, 34.0, 3)
+    assert described_ratio(stored, "it-sizes", "rules", ONE, over=TWO) == (0.2, 0.2, 0.2, 1)
     for where, than, held in ((ONE, TWO, 1.0), (TWO, ONE, 0.0), (ONE, ONE, 0.0)):
-        found = described_is_less(reading, "it-sizes", "rules", where, than)
+        found = described_is_less(stored, "it-sizes", "rules", where, than)
         assert found is not None
         assert found.value == held
 
 
 @pytest.mark.parametrize(("within", "share"), [(0.0, 6 / 7), (0.4, 6 / 7), (0.5, 1.0)])
 def test_a_surface_falls_from_each_point_to_the_next_along_an_axis(tmp_path: Path, within: float, share: float) -> None:
-    found = share_falling(reading_of(tmp_path), "it-surface", "z", ["x", "y"], within)  # it rises from 2 to 2.5 once
+    found = share_falling(stored_of(tmp_path), "it-surface", "z", ["x", "y"], within)  # it rises from 2 to 2.5 once
     assert found is not None
     assert found.value == pytest.approx(share)
     assert found.n == 7
 
 
 def test_a_level_holds_from_its_first_period_to_the_one_after_its_last(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_way([0.0, 3.0, 0.0, 4.0, 0.0]), a_way([0.0, 0.0, 2.0, 3.0]), a_way([0.0, 1.0])])
+    stored = stored_of(
+        tmp_path,
+        A=[a_trajectory([0.0, 3.0, 0.0, 4.0, 0.0]), a_trajectory([0.0, 0.0, 2.0, 3.0]), a_trajectory([0.0, 1.0])],
+    )
     for when, expected in (("begin", (4.0, 2.0, 6.0, 2)), ("end", (7.5, 7.0, 8.0, 2))):
-        assert time_at_least(reading, ["level"], 0.3, when, {"label": "A"}) == pytest.approx(expected)  # type: ignore[arg-type]
-    assert time_at_least(reading, ["level"], 0.5, "begin", {"label": "A"}) is None
+        assert time_at_least(stored, ["level"], 0.3, when, {"label": "A"}) == pytest.approx(expected)  # type: ignore[arg-type]
+    assert time_at_least(stored, ["level"], 0.5, "begin", {"label": "A"}) is None
 
 
 def test_the_largest_of_several_columns_counts(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_way([0.0, 3.0, 0.0])])
-    found = time_at_least(reading, ["level", "state"], 1.0, "begin", {"label": "A"})
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 3.0, 0.0])])
+    found = time_at_least(stored, ["level", "state"], 1.0, "begin", {"label": "A"})
     assert found is not None
     assert found.value == 2.0
 
 
 def test_a_share_of_time_weighs_the_period_that_is_cut_short(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_way([0.0, 1.0, 2.0]), a_way([2.0, 2.0])])
-    assert share_of_time(reading, "state", [2.0], {"label": "A"}) == pytest.approx((0.6, 0.2, 1.0, 2))
-    assert share_of_time(reading, "state", [0.0, 1.0], {"label": "A"}) == pytest.approx((0.4, 0.0, 0.8, 2))
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 1.0, 2.0]), a_trajectory([2.0, 2.0])])
+    assert share_of_time(stored, "state", [2.0], {"label": "A"}) == pytest.approx((0.6, 0.2, 1.0, 2))
+    assert share_of_time(stored, "state", [0.0, 1.0], {"label": "A"}) == pytest.approx((0.4, 0.0, 0.8, 2))
 
 
 @pytest.mark.parametrize(
@@ -113,30 +119,37 @@ def test_a_share_of_time_weighs_the_period_that_is_cut_short(tmp_path: Path) -> 
 def test_mainly_means_more_than_any_other_state(
     tmp_path: Path, states: list[float], begin_s: float, end_s: float, share: float, n: int
 ) -> None:
-    reading = reading_of(tmp_path, A=[a_way([0.0, 0.0, 1.0, 1.0, 0.0]), a_way([0.0, 0.0, 2.0])])
-    found = share_mainly(reading, "state", states, begin_s, end_s, {"label": "A"})
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 0.0, 1.0, 1.0, 0.0]), a_trajectory([0.0, 0.0, 2.0])])
+    found = share_mainly(stored, "state", states, begin_s, end_s, {"label": "A"})
     assert found is not None
     assert (found.value, found.n) == (share, n)
 
 
 def test_as_much_time_as_another_state_is_not_mainly(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_way([0.0, 1.0], last_s=2.0)])
-    found = share_mainly(reading, "state", [0.0], 0.0, 100.0, {"label": "A"})
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 1.0], last_s=2.0)])
+    found = share_mainly(stored, "state", [0.0], 0.0, 100.0, {"label": "A"})
     assert found is not None
     assert found.value == 0.0
 
 
 def test_no_robot_that_lasts_is_no_case(tmp_path: Path) -> None:
-    assert share_mainly(reading_of(tmp_path, A=[a_way([0.0])]), "state", [0.0], 50.0, 80.0, {"label": "A"}) is None
+    assert (
+        share_mainly(stored_of(tmp_path, A=[a_trajectory([0.0])]), "state", [0.0], 50.0, 80.0, {"label": "A"}) is None
+    )
 
 
 def test_longer_in_a_state_compares_shares_of_time_pair_by_pair(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
-        A=[a_way([0.0, 1.0, 0.0]), a_way([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), a_way([1.0, 0.0]), a_way([1.0])],
-        B=[a_way([0.0, 0.0, 0.0]), a_way([1.0, 0.0]), a_way([1.0, 0.0])],
+        A=[
+            a_trajectory([0.0, 1.0, 0.0]),
+            a_trajectory([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            a_trajectory([1.0, 0.0]),
+            a_trajectory([1.0]),
+        ],
+        B=[a_trajectory([0.0, 0.0, 0.0]), a_trajectory([1.0, 0.0]), a_trajectory([1.0, 0.0])],
     )
-    found = share_longer_in(reading, "state", [1.0], {"label": "A"}, than={"label": "B"})
+    found = share_longer_in(stored, "state", [1.0], {"label": "A"}, than={"label": "B"})
     assert found is not None
     assert found.value == pytest.approx(1 / 3)
     assert found.n == 3
@@ -145,12 +158,12 @@ def test_longer_in_a_state_compares_shares_of_time_pair_by_pair(tmp_path: Path) 
 def test_greater_compares_failures_too_and_a_tie_is_not_greater(tmp_path: Path) -> None:
     metrics = a_record().metrics
     near, far = (metrics._replace(min_clearance_m=value) for value in (0.1, 0.2))
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         A=[a_record(metrics=far), a_record("collided", metrics=far), a_record(metrics=near)],
         B=[a_record(metrics=near), a_record(metrics=near), a_record(metrics=near)],
     )
-    found = share_greater(reading, "min_clearance_m", {"label": "A"}, than={"label": "B"})
+    found = share_greater(stored, "min_clearance_m", {"label": "A"}, than={"label": "B"})
     assert found is not None
     assert found.value == pytest.approx(2 / 3)
     assert found.n == 3

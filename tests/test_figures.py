@@ -9,13 +9,14 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from stored import a_cell, a_record, store
+from stored import a_cell, a_record, store, told
 
 from navbench.analysis.paths import cut, number_places
-from navbench.analysis.stored import Reading
-from navbench.report import run_figures, study_figures
-from navbench.report.run_figures import chatter, spells_on_the_way, time_series
-from navbench.report.study_figures import memberships
+from navbench.analysis.stored import StoredResults
+from navbench.controllers.nemeiksis2019.sections import spells_on_path
+from navbench.report import page
+from navbench.report.described import memberships
+from navbench.report.trajectories import chatter, time_series
 
 HERE = {"label": "A"}
 CORNERS = [
@@ -38,16 +39,14 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Keeps the figures that sections draw, instead of saving them, which takes its time."""
     figures: list[Figure] = []
 
-    def keep(figure: Figure, _out: Path, _stem: str, caption: str) -> str:
+    def keep(figure: Figure, _out: Path, _stem: str) -> None:
         figures.append(figure)
-        return caption
 
-    for module in (run_figures, study_figures):
-        monkeypatch.setattr(module, "save_figure", keep)
+    monkeypatch.setattr(page, "save_figure", keep)
     return figures
 
 
-def a_reading(path: Path, behavior: list[float], **changes: Any) -> Reading:
+def a_reading(path: Path, behavior: list[float], **changes: Any) -> StoredResults:
     """Return what a robot did that drove straight ahead, with its behaviours, one more than it acted upon."""
     record = a_record(**changes)
     traced = record.traces.copy()
@@ -74,11 +73,10 @@ def test_jumps_there_and_back_are_chatter_and_steps_one_way_or_far_apart_are_not
 def test_places_are_drawn_to_the_end_and_the_rest_is_held_over_its_periods(tmp_path: Path, kept: list[Figure]) -> None:
     reading = a_reading(tmp_path / "in", [0.0, 1.0, 1.0, 0.0, 0.0], time_s=8.0)
     series = {"place": {"x_m": "x"}, "behaviour": {"behavior": "b"}}
-    time_series(
+    told(
+        time_series,
         reading,
         tmp_path,
-        file="t",
-        caption="c",
         panels={"": HERE},
         series=series,
         ticks={"behaviour": {"go": 0, "follow": 1}},
@@ -100,17 +98,24 @@ def test_what_does_not_change_takes_the_range_of_its_row(tmp_path: Path, kept: l
         cells.append((a_cell(label), [record._replace(traces=traced)]))
     reading = store(tmp_path / "in", cells)
     panels = {label: {"label": label} for label in drives}
-    time_series(reading, tmp_path, file="t", caption="c", panels=panels, series={"b": {"behavior": "b"}})
+    told(time_series, reading, tmp_path, panels=panels, series={"b": {"behavior": "b"}})
     assert kept[0].axes[0].get_ylim() == kept[0].axes[1].get_ylim()
-    time_series(reading, tmp_path, file="t", caption="c", panels={"": {"label": "B"}}, series={"b": {"behavior": "b"}})
+    told(time_series, reading, tmp_path, panels={"": {"label": "B"}}, series={"b": {"behavior": "b"}})
     assert kept[1].axes[0].get_ylim() == (-0.5, 0.5)
 
 
 def test_the_legend_of_a_way_names_only_what_drove(tmp_path: Path, kept: list[Figure]) -> None:
     reading = a_reading(tmp_path / "in", [0.0, 1.0, 1.0, 1.0, 1.0])
     values = {"go": 0.0, "follow": 1.0, "wait": 2.0}
-    spells_on_the_way(
-        reading, tmp_path, file="w", caption="c", select=HERE, column="behavior", values=values, least_periods=1
+    told(
+        spells_on_path,
+        reading,
+        tmp_path,
+        file="w",
+        select=HERE,
+        column="behavior",
+        values=values,
+        least_periods=1,
     )
     assert [text.get_text() for text in kept[0].legends[0].get_texts()] == ["go", "follow"]
     (left, right), (bottom, top) = kept[0].axes[0].get_xlim(), kept[0].axes[0].get_ylim()
@@ -141,12 +146,11 @@ def test_fuzzy_sets_go_round_a_circle_and_on_where_their_variable_saturates(tmp_
         "distance": {"title": "distance", "low": 0.0, "high": 2.0, "saturates": True},
     }
     reading = a_reading(tmp_path / "in", [0.0] * 5)
-    memberships(reading, tmp_path, file="m", caption="c", table="it-sets", axes=axes)
+    told(memberships, reading, tmp_path, file="m", table="it-sets", axes=axes)
     bearing, distance = kept[0].axes
     back = [drawn(bearing, i) for i in range(3)]  # a turn before, here, and a turn behind
-    assert max(
-        np.interp(-0.75 * math.pi, line[:, 0], line[:, 1], left=0.0, right=0.0) for line in back
-    ) == pytest.approx(0.5, abs=1e-4)
+    between = [np.interp(-0.75 * math.pi, line[:, 0], line[:, 1], left=0.0, right=0.0) for line in back]
+    assert max(between) == pytest.approx(0.5, abs=1e-4)
     assert sorted(text.get_text() for text in bearing.texts) == ["ahead", "back", "back"]
     assert drawn(distance, 1)[-1].tolist() == [2.0, 1.0]
     assert drawn(distance, 0)[-1].tolist() == [1.0, 0.0]

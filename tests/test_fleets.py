@@ -10,18 +10,20 @@ import pytest
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from stored import CROSSING, LIMIT_S, ROBOT, WORLD, Fleet, a_cell, a_drive, a_record, store
+from stored import CROSSING, LIMIT_S, ROBOT, WORLD, ZHAO2017, ZHAO2018, Fleet, a_cell, a_drive, a_record, store, told
 
-from navbench.analysis.claims import Measured
 from navbench.analysis.fleets import fleets
-from navbench.analysis.measures import measure
-from navbench.analysis.stored import Reading
+from navbench.analysis.measuring import measure
+from navbench.analysis.stored import StoredResults
 from navbench.cli.worlds import world_of
+from navbench.controllers.zhao2018.sections import evolution, gains
+from navbench.mathematics.statistics import Estimate
 from navbench.records import Thing
-from navbench.report.evolution import evolution, gains
 from navbench.report.figures import MOVER as MOVER_COLOUR
-from navbench.report.fleet_figures import _spans, fleet_table, frames, wheel_velocities
+from navbench.report.outcomes import fleet_table
 from navbench.report.tables import summarize, to_markdown, to_text
+from navbench.report.trajectories import frames
+from navbench.report.wheels import _spans, wheel_velocities
 from navbench.validation import DescriptionError
 
 A, B = {"label": "A"}, {"label": "B"}
@@ -32,12 +34,10 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Keeps the figures that sections draw, instead of saving them, which takes its time."""
     figures: list[Figure] = []
 
-    def keep(figure: Figure, out: Path, stem: str, caption: str) -> str:
+    def keep(figure: Figure, _out: Path, _stem: str) -> None:
         figures.append(figure)
-        return f"![{caption}](figures/{stem}.png)"
 
-    for module in ("fleet_figures", "evolution"):
-        monkeypatch.setattr(f"navbench.report.{module}.save_figure", keep)
+    monkeypatch.setattr("navbench.report.page.save_figure", keep)
     return figures
 
 
@@ -52,7 +52,7 @@ def a_fleet(*times_s: float | None, contacts: tuple[tuple[int, int, int], ...] =
     ]
 
 
-def two_controllers(path: Path) -> Reading:
+def two_controllers(path: Path) -> StoredResults:
     here = [a_fleet(10.0, 12.0), a_fleet(30.0, 20.0), a_fleet(5.0, None), a_fleet(None, None)]
     there = [a_fleet(11.0, 11.0), a_fleet(11.0, None), a_fleet(None, None), a_fleet(None, 9.0)]
     return store(path, [(a_cell("A"), here), (a_cell("B"), there)])
@@ -102,16 +102,16 @@ def test_a_single_robot_is_a_fleet_of_one(tmp_path: Path) -> None:
 def test_the_summary_counts_fleets_and_averages_the_makespan_of_those_that_succeeded(tmp_path: Path) -> None:
     table = summarize(two_controllers(tmp_path).results.episodes())
     assert table["robots"].tolist() == [2, 2]
-    assert table["reached"].tolist() == ["5 of 8", "4 of 8"]
-    assert table["fleets"].tolist() == ["2 of 4", "1 of 4"]
+    assert table[["reached", "of"]].to_numpy().tolist() == [[5, 8], [4, 8]]
+    assert table[["fleets", "episodes"]].to_numpy().tolist() == [[2, 4], [1, 4]]
     assert table["makespan_s"].tolist() == [21.0, 11.0]
 
 
 def test_a_cell_without_a_success_has_no_makespan(tmp_path: Path) -> None:
     table = summarize(store(tmp_path, [(a_cell("A"), [a_fleet(9.0, None)])]).results.episodes())
-    assert table["fleets"].tolist() == ["0 of 1"]
+    assert table[["fleets", "episodes"]].to_numpy().tolist() == [[0, 1]]
     assert math.isnan(table["makespan_s"][0])
-    assert to_text(table).splitlines()[-1].split()[-1] == "-"
+    assert to_text(table).splitlines()[-1].split()[-1] == "–"
 
 
 def test_fleets_are_printed_only_where_robots_drive_together(tmp_path: Path) -> None:
@@ -127,8 +127,8 @@ def test_fleets_are_printed_only_where_robots_drive_together(tmp_path: Path) -> 
 # --- measures of fleets ---
 
 
-def value_of(reading: Reading, name: str, **arguments: Any) -> Measured:
-    found = measure(reading, name, arguments)
+def value_of(stored: StoredResults, name: str, **arguments: Any) -> Estimate:
+    found = measure(stored, name, arguments)
     assert found is not None
     return found
 
@@ -140,25 +140,34 @@ def test_the_share_of_fleets_counts_episodes_and_not_robots(tmp_path: Path) -> N
 
 
 def test_fleets_are_compared_episode_by_episode(tmp_path: Path) -> None:
-    found = value_of(two_controllers(tmp_path), "difference_in_fleets", select=A, than=B)
+    found = value_of(two_controllers(tmp_path), "difference", metric="success", select=A, than=B)
     assert (found.value, found.n) == (0.25, 4)
     assert found.low < 0.25 < found.high
-    back = value_of(Reading(two_controllers(tmp_path / "again").results), "difference_in_fleets", select=B, than=A)
+    back = value_of(
+        StoredResults(two_controllers(tmp_path / "again").results), "difference", metric="success", select=B, than=A
+    )
     assert back.value == -0.25
 
 
 def test_fleets_that_never_met_the_same_world_have_no_difference(tmp_path: Path) -> None:
     cells = [(a_cell("A", "plain"), [a_fleet(9.0, 9.0)]), (a_cell("B", "other"), [a_fleet(9.0, 9.0)])]
     reading = store(tmp_path, cells)
-    assert measure(reading, "difference_in_fleets", {"select": A, "than": B}) is None
-    assert measure(reading, "difference_in_reached", {"select": A, "than": B}) is None
-    assert measure(reading, "difference_in_time", {"select": A, "than": B}) is None
-    assert measure(reading, "median_decrease", {"metric": "time_s", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "success", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "reached", "select": A, "than": B}) is None
+    assert measure(reading, "difference", {"metric": "time_s", "select": A, "than": B}) is None
+    assert (
+        measure(
+            reading,
+            f"{ZHAO2018}.median_decrease",
+            {"metric": "time_s", "select": A, "than": B},
+        )
+        is None
+    )
 
 
 def test_only_shared_episodes_are_compared(tmp_path: Path) -> None:
     cells = [(a_cell("A"), [a_fleet(9.0, 9.0), a_fleet(9.0, 9.0)]), (a_cell("B"), [a_fleet(9.0, None)])]
-    found = value_of(store(tmp_path, cells), "difference_in_fleets", select=A, than=B)
+    found = value_of(store(tmp_path, cells), "difference", metric="success", select=A, than=B)
     assert (found.value, found.n) == (1.0, 1)
 
 
@@ -175,14 +184,14 @@ def test_a_movers_speed_is_told_leg_by_leg_as_a_share_of_the_wheels_limit(phase_
     reading = store(tmp_path, [(a_cell("A", scene=scene), [a_record(), a_record()])])
     assert ROBOT["wheel_speed_max_mps"] == 0.5
     for mover, leg, share in ((1, 0, 0.8), (1, 1, 0.2), (1, 2, 0.2), (1, 3, 0.8), (0, 1, 0.5)):
-        found = value_of(reading, "mover_speed", mover=mover, leg=leg, select=A)
+        found = value_of(reading, f"{ZHAO2017}.mover_speed", mover=mover, leg=leg, select=A)
         assert found == pytest.approx((share, share, share, 1))
 
 
 def test_a_movers_speed_counts_each_cell_once(tmp_path: Path) -> None:
     scenes = {f"w{speed}": {**WORLD, "movers": [{**MOVER, "speeds_mps": [speed, 0.1]}]} for speed in (0.1, 0.2, 0.4)}
     reading = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
-    assert value_of(reading, "mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
+    assert value_of(reading, f"{ZHAO2017}.mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
 
 
 DISCS = [{"x_m": 1.0, "y_m": 0.5, "radius_m": 0.3}, {"x_m": 2.0, "y_m": -0.7, "radius_m": 0.2}]
@@ -195,17 +204,17 @@ def test_a_disc_is_met_from_hull_to_hull_by_whichever_robot_and_not_when_it_was_
     reading = store(tmp_path / "met", [(a_cell("A", scene=scene), [fleet])])
     # hulls of 0.1 m pass the first disc at 0.5 - 0.3 - 0.1 = 0.1 m, the second at 0.7 - 0.2 - 0.1 = 0.4 m
     for within_m, share in ((0.0999, 0.0), (0.1001, 0.5), (0.3999, 0.5), (0.4001, 1.0)):
-        found = value_of(reading, "share_of_discs_met", within_m=within_m, select=A)
+        found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=within_m, select=A)
         assert (found.value, found.n) == (share, 2)
     hit = [fleet[0], a_drive([0.1] * 3, "collided", 1, Thing("disc", 0), along)]
     reading = store(tmp_path / "hit", [(a_cell("A", scene=scene), [fleet, hit])])
-    found = value_of(reading, "share_of_discs_met", within_m=9.0, select=A)
+    found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=9.0, select=A)
     assert (found.value, found.n) == (0.75, 4)
 
 
 def test_in_a_world_without_discs_none_is_met(tmp_path: Path) -> None:
     reading = store(tmp_path, [(a_cell("A"), [a_fleet(9.0, 9.0)])])
-    assert measure(reading, "share_of_discs_met", {"within_m": 1.0, "select": A}) is None
+    assert measure(reading, f"{ZHAO2017}.share_of_discs_met", {"within_m": 1.0, "select": A}) is None
 
 
 def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) -> None:
@@ -217,7 +226,7 @@ def test_discs_are_those_that_the_layout_drew_for_the_episode(tmp_path: Path) ->
         places = [(disc.x_m, disc.y_m) for disc in one.discs]
         episodes.append([a_drive([0.1] * (len(places) - 1), index=0, places=places)])
     reading = store(tmp_path / "in", [(cell, episodes)])
-    found = value_of(reading, "share_of_discs_met", within_m=-0.4, select=A)
+    found = value_of(reading, f"{ZHAO2017}.share_of_discs_met", within_m=-0.4, select=A)
     assert (found.value, found.n) == (1.0, sum(len(one.discs) for one in drawn))
 
 
@@ -250,7 +259,7 @@ def test_each_tuning_makes_a_pair_only_when_asked(tmp_path: Path) -> None:
 # --- frames and wheel speeds ---
 
 
-def a_crossing(path: Path) -> Reading:
+def a_crossing(path: Path) -> StoredResults:
     straight = [[(1.0 + k, 5.0 + 0.1 * k) for k in range(19)], [(19.0 - k, 5.0) for k in range(10)]]
     fleet = [
         a_drive([0.5] * (len(places) - 1), index=i, places=places, on=[0] + [1] * (len(places) - 2))
@@ -264,7 +273,7 @@ def test_frames_show_every_robot_where_it_was_and_the_movers_of_that_episode(
 ) -> None:
     reading = a_crossing(tmp_path / "in")
     select = {"label": "A", "episode": 1}
-    text = frames(reading, tmp_path, file="f", caption="Frames.", select=select, times_s=[0.0, 4.5, 99.0], columns=2)
+    text = told(frames, reading, tmp_path, file="f", select=select, times_s=[0.0, 4.5, 99.0], columns=2)
     assert "figures/f.png" in text
     world = reading.world(reading.episodes["run_id"][0], 1)
     shown = [ax for ax in kept[0].axes if ax.axison]
@@ -285,14 +294,14 @@ def test_frames_show_every_robot_where_it_was_and_the_movers_of_that_episode(
 
 
 def test_without_times_ten_frames_go_from_the_beginning_to_the_end(tmp_path: Path, kept: list[Figure]) -> None:
-    frames(a_crossing(tmp_path / "in"), tmp_path, file="f", caption="c", select={"label": "A", "episode": 0})
+    told(frames, a_crossing(tmp_path / "in"), tmp_path, file="f", select={"label": "A", "episode": 0})
     titles = [ax.get_title() for ax in kept[0].axes]
     assert (titles[0], titles[1], titles[-1], len(titles)) == ("a) 0.0 s", "b) 2.0 s", "j) 18.0 s", 10)
 
 
 def test_fewer_frames_than_columns_leave_no_empty_place(tmp_path: Path, kept: list[Figure]) -> None:
     select = {"label": "A", "episode": 0}
-    frames(a_crossing(tmp_path / "in"), tmp_path, file="f", caption="c", select=select, times_s=[1.0, 2.0])
+    told(frames, a_crossing(tmp_path / "in"), tmp_path, file="f", select=select, times_s=[1.0, 2.0])
     assert len(kept[0].axes) == 2
 
 
@@ -304,7 +313,7 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
     ahead = a_drive([0.3, 0.3], index=1, on=[1, 1])
     reading = store(tmp_path / "in", [(a_cell("A"), [[turning, ahead], [turning]])])
     panels = {"two": {"label": "A", "episode": 0}, "one": {"label": "A", "episode": 1}}
-    wheel_velocities(reading, tmp_path, file="w", caption="Wheels.", panels=panels, active="on", marked="on")
+    told(wheel_velocities, reading, tmp_path, file="w", panels=panels, active="on", marked="on")
     axes = np.array(kept[0].axes).reshape(2, 2)
     assert [[ax.axison for ax in row] for row in axes] == [[True, True], [True, False]]
     left, right = axes[0, 0].lines
@@ -334,8 +343,13 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
         (a_cell("B"), [a_fleet(None, None)]),
     ]
     reading = store(tmp_path / "in", cells)
-    text = fleet_table(
-        reading, tmp_path, file="t", select={"name": "printed"}, worlds={"Fig 1": "plain"}, labels=["A", "B"]
+    text = told(
+        fleet_table,
+        reading,
+        tmp_path,
+        select={"name": "printed"},
+        worlds={"Fig 1": "plain"},
+        labels=["A", "B"],
     )
     one, other = pd.read_csv(tmp_path / "tables/t.csv").to_dict("records")
     assert (one["label"], other["label"]) == ("A", "B")
@@ -356,13 +370,13 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
 COSTS = {("ga", 0): [8.0, 6.0, 9.0, 4.0, 5.0], ("ga", 2): [10.0, 12.0, 11.0, 9.0], ("pso", 0): [3.0, 4.0, 5.0]}
 
 
-def evolved(path: Path) -> Reading:
+def evolved(path: Path) -> StoredResults:
     return store(path, [(a_cell("A"), [a_record()])], costs=COSTS)
 
 
 def test_evolution_is_told_from_the_first_chromosome_beside_the_best_random_one(tmp_path: Path) -> None:
     tunings = {"ga": "mean time", "pso": "length"}
-    text = evolution(evolved(tmp_path / "in"), tmp_path, file="e", caption="c", tunings=tunings, first=3)
+    text = told(evolution, evolved(tmp_path / "in"), tmp_path, file="e", tunings=tunings, first=3)
     rows = pd.read_csv(tmp_path / "tables/e.csv")
     assert rows[["tuning", "seed", "evaluations"]].to_numpy().tolist() == [
         ["mean time", 0, 5],
@@ -380,7 +394,7 @@ def test_evolution_is_told_from_the_first_chromosome_beside_the_best_random_one(
 
 def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Path, kept: list[Figure]) -> None:
     tunings = {"pso": "length", "ga": "mean time"}  # the first panel lacks a seed of the second
-    evolution(evolved(tmp_path / "in"), tmp_path, file="e", caption="c", tunings=tunings, first=3, columns=1)
+    told(evolution, evolved(tmp_path / "in"), tmp_path, file="e", tunings=tunings, first=3, columns=1)
     one, other = kept[0].axes
     assert [np.asarray(line.get_ydata()).tolist() for line in other.lines[:2]] == [[8, 6, 6, 4, 4], [10, 10, 10, 9]]
     assert np.asarray(other.lines[0].get_xdata()).tolist() == [1, 2, 3, 4, 5]
@@ -389,7 +403,7 @@ def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Pa
     assert [text.get_text() for text in legend.get_texts()] == ["seed 0", "seed 2", "first population"]
 
 
-def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> Reading:
+def paired(path: Path, pairs: list[tuple[float | None, float | None]], other: str = "plain") -> StoredResults:
     """Return A's and B's times, None where they failed; A's way is 2 m, B's 4 m."""
     sides = [
         [a_record("collided" if t is None else "reached", t or 1.0, length_m) for t in times]
@@ -403,11 +417,13 @@ ROWS = {"all": {"select": A, "than": B}}
 
 def test_gains_are_the_median_pairs_with_the_range_where_they_are_few(tmp_path: Path) -> None:
     pairs = [(9.0, 10.0), (5.0, 10.0), (12.0, 10.0), (None, 10.0), (3.0, None)]
-    text = gains(paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS, printed={"all": [40.0, None]})
+    text = told(gains, paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS, printed={"all": [40.0, None]})
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
-    assert (row["pairs"], row["reached"], row["other"]) == pytest.approx((5, 0.8, 0.8))
-    assert row[["length_decrease", "length_low", "length_high"]].tolist() == [50.0, 50.0, 50.0]
-    assert row[["time_decrease", "time_low", "time_high"]].tolist() == pytest.approx([10.0, -20.0, 50.0])
+    assert (row["reached_n"], row["reached"], row["other"]) == pytest.approx((5, 0.8, 0.8))
+    assert row[["length_decrease", "length_decrease_low", "length_decrease_high"]].tolist() == [50.0, 50.0, 50.0]
+    assert row[["time_decrease", "time_decrease_low", "time_decrease_high"]].tolist() == pytest.approx(
+        [10.0, -20.0, 50.0]
+    )
     assert (row["length_printed"], math.isnan(row["time_printed"])) == (40.0, True)
     assert "| all | 4 of 5 | 4 of 5 | – | 40 | 50.00 | – | 10.00 [-20.00, 50.00] |" in text
 
@@ -415,28 +431,29 @@ def test_gains_are_the_median_pairs_with_the_range_where_they_are_few(tmp_path: 
 @pytest.mark.parametrize(("count", "is_range"), [(9, True), (10, False)])
 def test_gains_have_an_interval_from_ten_pairs_on(count: int, is_range: bool, tmp_path: Path) -> None:
     pairs: list[tuple[float | None, float | None]] = [(10.0 - 0.5 * k, 10.0) for k in range(count)]
-    gains(paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
+    told(gains, paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
-    assert ((row["time_low"], row["time_high"]) == pytest.approx((0.0, 5.0 * (count - 1)))) == is_range
+    found = row["time_decrease_low"], row["time_decrease_high"]
+    assert (found == pytest.approx((0.0, 5.0 * (count - 1)))) == is_range
 
 
 def test_gains_of_many_pairs_have_bootstrapped_and_paired_intervals(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     pairs: list[tuple[float | None, float | None]] = [(float(t), 10.0) for t in rng.uniform(6.0, 10.0, 40)]
     pairs[:4] = [(8.0, None)] * 4
-    text = gains(paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
+    text = told(gains, paired(tmp_path / "in", pairs), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
     decreases = [100.0 * (1.0 - t / 10.0) for t, _ in pairs[4:] if t is not None]
     assert row["time_decrease"] == pytest.approx(np.median(decreases))
-    assert min(decreases) < row["time_low"] < row["time_decrease"] < row["time_high"] < max(decreases)
-    assert "| all | 40 of 40 | 36 of 40 | +0.100 [" in text
+    assert min(decreases) < row["time_decrease_low"] < row["time_decrease"] < row["time_decrease_high"] < max(decreases)
+    assert "| all | 40 of 40 | 36 of 40 | 0.100 [" in text
 
 
 @pytest.mark.parametrize(
     ("pairs", "other"), [([(None, 9.0), (9.0, None)], "plain"), ([(9.0, 9.0)], "elsewhere")], ids=["failed", "apart"]
 )
 def test_gains_of_no_pair_are_missing(pairs: Any, other: str, tmp_path: Path) -> None:
-    text = gains(paired(tmp_path / "in", pairs, other), tmp_path, file="g", rows=ROWS)
+    text = told(gains, paired(tmp_path / "in", pairs, other), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
     assert row[["length_decrease", "time_decrease"]].isna().all()
-    assert text.splitlines()[2].endswith("| – | – | – | – | – |")
+    assert "| – | – | – | – | – |\n" in text

@@ -10,10 +10,10 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from stored import a_cell, a_record, store
+from stored import a_cell, a_record, store, told
 from test_reports import CLAIM, STUDY
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.report.crossing import crossed_tables, success_map
 from navbench.report.joined import read_claims, read_study, write_joined
 from navbench.report.reports import write_report
@@ -23,10 +23,10 @@ NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GROUPS = {"one paper": ["plain"], "another": ["other"]}
 
 
-def a_report(folder: Path, name: str, claims: list[dict[str, Any]], errata: list[dict[str, str]]) -> Path:
+def a_report(folder: Path, name: str, claims: dict[str, dict[str, Any]], errata: list[dict[str, str]]) -> Path:
     """Write a small study's report into a folder of its name."""
-    cells = [(a_cell("F"), [a_record(time_s=10.0)])]
-    report: list[dict[str, Any]] = [{"name": "claims", "title": "Claims", "groups": {}}] if claims else []
+    cells = [(a_cell("F"), [a_record(time_s=10.0)]), (a_cell("G"), [a_record(), a_record("collided")])]
+    report: list[dict[str, Any]] = [{"name": "verdicts", "title": "Claims"}] if claims else []
     report += [{"name": "errata", "title": "Errata", "items": errata}] if errata else []
     report += [{"name": "sources", "title": "Sources", "file": "sources"}]
     study = {**STUDY, "name": name, "title": f"{name}: a title", "claims": claims, "report": report}
@@ -38,14 +38,16 @@ def a_report(folder: Path, name: str, claims: list[dict[str, Any]], errata: list
 def joined(tmp_path: Path) -> Path:
     """A folder with three reports: two of papers, one without claims and errata."""
     wrong = {"where": "eq. 1", "printed": "a | b", "here": "c"}
-    claims = [
-        CLAIM,
-        {**CLAIM, "id": "off", "printed": 20.0, "evidence": "fitted"},
-        {**CLAIM, "id": "off-absolute", "printed": 8.5, "tolerance": {"absolute": 0.25}, "evidence": "layout_unknown"},
-    ]
-    a_report(tmp_path, "all", [], [])
+    statement = {key: value for key, value in CLAIM.items() if key not in ("printed", "within")}
+    claims = {
+        "time-f": CLAIM,
+        "off": {**CLAIM, "printed": "20 s", "evidence": "fitted"},
+        "off-absolute": {**CLAIM, "printed": "8.5 s", "within": 0.25, "evidence": "layout_unknown"},
+        "said": {**statement, "holds": "in 95 % of the cases", "measure": "share_reached", "of": {"label": "G"}},
+    }
+    a_report(tmp_path, "all", {}, [])
     a_report(tmp_path, "one1999", claims, [wrong])
-    a_report(tmp_path, "two2001", [{**CLAIM, "id": "near", "printed": 10.8}], [{**wrong, "where": "Table 7"}])
+    a_report(tmp_path, "two2001", {"near": {**CLAIM, "printed": "10.8 s"}}, [{**wrong, "where": "Table 7"}])
     return tmp_path / "results"
 
 
@@ -61,37 +63,38 @@ def test_the_page_has_a_paragraph_and_a_link_for_each_study_those_of_papers_firs
     assert re.findall(r"\[Report\]\((.*)\)", text) == ["one1999/report.md", "two2001/report.md", "all/report.md"]
     assert all((joined / link).is_file() for link in re.findall(r"\]\(([^)]+)\)", text))
     assert (
-        "## one1999: a title\n\nIt is small. 3 claims: 1 reproduced, 0 partly, 2 not reproduced, 0 not testable."
+        "## one1999: a title\n\nIt is small. 4 claims: 1 reproduced, 0 partly, 3 not reproduced, 0 not testable."
         in text
     )
     assert "## all: a title\n\nIt is small. [Report]" in text
 
 
 def test_the_first_findings_stand_below_a_study_s_paragraph(tmp_path: Path) -> None:
-    path = a_report(tmp_path, "one1999", [CLAIM], [])
-    report = path / "report.md"
-    report.write_text(
-        report.read_text().replace("## Claims", "## Findings\n\nSaid.\n\n- a\n- b\n- c\n- d\n\n## Claims")
-    )
+    path = a_report(tmp_path, "one1999", {"time-f": CLAIM}, [])
+    file = path / "findings.json"
+    kept = json.loads(file.read_text())
+    file.write_text(json.dumps({**kept, "findings": [{"text": word, "figures": {}} for word in "abcd"]}))
     text = write_joined(path.parent).read_text()
     assert "[Report](one1999/report.md)\n\n- a\n- b\n- c\n\n## Claims by verdict" in text
 
 
 def test_claims_are_counted_by_study_and_by_evidence(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "Claims by verdict")
-    assert ["one1999", "1", "0", "2", "0", "3"] in rows
+    assert ["one1999", "1", "0", "3", "0", "4"] in rows
     assert ["two2001", "0", "1", "0", "0", "1"] in rows
-    assert rows.count(["all", "1", "1", "2", "0", "4"]) == 2
-    assert ["free", "1", "1", "0", "0", "2"] in rows
+    assert rows.count(["all", "1", "1", "3", "0", "5"]) == 2
+    assert ["free", "1", "1", "1", "0", "3"] in rows
     assert ["fitted", "0", "0", "1", "0", "1"] in rows
     assert ["layout unknown", "0", "0", "1", "0", "1"] in rows
 
 
 def test_every_claim_that_was_not_reproduced_stands_in_one_list(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "What was not reproduced")[1:]
-    assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"]]
+    assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"], ["one1999", "said"]]
     assert rows[0][3:] == ["20 s", "10", "off by -50 %; tolerance ±5 %", "fitted"]
     assert rows[1][3:] == ["8.5 s", "10", "off by +1.5; tolerance ±0.25", "layout unknown"]
+    assert rows[2][3] == "–"
+    assert rows[2][5:] == ["holds in 50 %; tolerance in 95 % of the cases", "free"]
 
 
 def test_the_errata_of_all_papers_stand_in_one_list(joined: Path) -> None:
@@ -138,10 +141,12 @@ def test_a_wrong_joining_is_refused_in_one_line(words: list[str], message: str, 
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"study": null}', '{"study": {"name": "one1999", "title": "a"}}'])
-def test_a_manifest_that_is_no_reports_is_named_with_what_to_do(content: str, joined: Path) -> None:
-    (joined / "one1999/manifest.json").write_text(content)
-    with pytest.raises(DescriptionError, match=r"one1999/manifest\.json.*navbench report outputs/study/one1999"):
+@pytest.mark.parametrize(
+    "content", ["{", "[]", '{"title": "a"}', '{"title": "a", "summary": "", "findings": [1], "errata": []}']
+)
+def test_findings_that_are_no_reports_are_named_with_what_to_do(content: str, joined: Path) -> None:
+    (joined / "one1999/findings.json").write_text(content)
+    with pytest.raises(DescriptionError, match=r"one1999/findings\.json.*navbench report outputs/study/one1999"):
         write_joined(joined)
     assert not (joined / "README.md").exists()
 
@@ -174,15 +179,15 @@ def test_an_empty_table_of_claims_is_refused_in_one_line(tmp_path: Path) -> None
     assert "\n" not in str(refused.value)
 
 
-def test_the_small_manifest_keeps_summary_and_errata(joined: Path) -> None:
-    study = json.loads((joined / "one1999/manifest.json").read_text())["study"]
-    assert sorted(study) == ["errata", "name", "summary", "title"]
-    assert study["errata"] == [{"where": "eq. 1", "printed": "a | b", "here": "c"}]
+def test_findings_keep_title_summary_and_errata(joined: Path) -> None:
+    kept = json.loads((joined / "one1999/findings.json").read_text())
+    assert (kept["title"], kept["summary"]) == ("one1999: a title", "It is small.")
+    assert kept["errata"] == [{"where": "eq. 1", "printed": "a | b", "here": "c"}]
     assert read_study(joined / "all").errata == []
 
 
 @pytest.fixture
-def crossed(tmp_path: Path) -> Reading:
+def crossed(tmp_path: Path) -> StoredResults:
     """Two controllers in two worlds: F alone in one, in the other in pairs, of which one half fails."""
     pair = [a_record(time_s=12.0), a_record("collided", 1.0, 0.2)._replace(robot_index=1)]
     cells = [
@@ -194,24 +199,24 @@ def crossed(tmp_path: Path) -> Reading:
     reading = store(tmp_path / "in", cells)
     pairs = [(0, pair[0]), (0, pair[1]), (1, pair[0]), (1, pair[0]._replace(robot_index=1))]
     reading.results.write_batch(cells[2][0], range(2), pairs)
-    return Reading(reading.results)
+    return StoredResults(reading.results)
 
 
-def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: Reading, tmp_path: Path) -> None:
-    text = crossed_tables(crossed, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
+def test_a_fleet_succeeds_as_one_case_and_its_robots_give_the_medians(crossed: StoredResults, tmp_path: Path) -> None:
+    text = told(crossed_tables, crossed, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
     assert "| one paper | plain | 2 of 3 [0.21, 0.94] | 0 of 3 [0.00, 0.56] |" in text
     assert "| another | other | 1 of 2 [0.09, 0.91] | 2 of 2 [0.34, 1.00] |" in text
     assert "| one paper | plain | 15.0 (2 of 3) | – |" in text
     assert "| another | other | 12.0 (3 of 4) | 13.0 (2 of 2) |" in text
     whole = pd.read_csv(tmp_path / "tables/c.csv").query("world == 'other' and label == 'F'")
     assert whole[["success", "reached", "robots", "time_s"]].to_numpy().tolist() == [[0.5, 3, 4, 12.0]]
-    table = pd.read_csv(tmp_path / "tables/c_success.csv")
+    table = pd.read_csv(tmp_path / "tables/c.csv")
     assert table[["success", "episodes"]].to_numpy().tolist() == [[pytest.approx(2 / 3), 3], [0, 3], [0.5, 2], [1, 2]]
 
 
-def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: Reading, tmp_path: Path) -> None:
+def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: StoredResults, tmp_path: Path) -> None:
     panels = {"panel 1": {"name": "printed"}}
-    success_map(crossed, tmp_path, file="m", caption="c", panels=panels, groups=GROUPS, home={"F": "another"})
+    told(success_map, crossed, tmp_path, file="m", panels=panels, groups=GROUPS, home={"F": "another"})
     drawn = (tmp_path / "figures/m.svg").read_text()
     words = re.findall(r">([^<>\n]+)</text>", drawn)
     assert [word for word in words if word.isdigit()] == ["67", "0", "50", "100"]
@@ -221,13 +226,21 @@ def test_the_picture_holds_every_share_in_percent_and_frames_the_home(crossed: R
     assert shares == pytest.approx([2 / 3, 0.0, 0.5, 1.0])
 
 
-def test_a_home_that_is_no_group_is_refused(crossed: Reading, tmp_path: Path) -> None:
+def test_a_home_that_is_no_group_is_refused(crossed: StoredResults, tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match="home=elsewhere: there is no such group; allowed: one paper, another"):
-        success_map(crossed, tmp_path, file="m", caption="c", panels={"": {}}, groups=GROUPS, home={"F": "elsewhere"})
+        told(
+            success_map,
+            crossed,
+            tmp_path,
+            file="m",
+            panels={"": {}},
+            groups=GROUPS,
+            home={"F": "elsewhere"},
+        )
 
 
 def test_a_controller_that_missed_a_world_is_refused(tmp_path: Path) -> None:
     cells = [(a_cell("F", "plain"), [a_record()]), (a_cell("G", "other"), [a_record()])]
     reading = store(tmp_path / "in", cells)
     with pytest.raises(DescriptionError, match="select: F has no episodes in other"):
-        crossed_tables(reading, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)
+        told(crossed_tables, reading, tmp_path, file="c", select={"name": "printed"}, groups=GROUPS)

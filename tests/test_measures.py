@@ -1,27 +1,28 @@
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from stored import LIMIT_S, TRACE, a_cell, a_record, store
+from stored import AOUF2019, LIMIT_S, TRACE, ZHAO2018, a_cell, a_record, store
 
-from navbench.analysis.claims import Measured
-from navbench.analysis.measures import MEASURES, check_measure, measure
-from navbench.analysis.phases import is_within, phases
-from navbench.analysis.stored import Reading
+from navbench.analysis.measuring import check_measure, measure
+from navbench.analysis.stored import StoredResults
+from navbench.controllers.aouf2019.phases import is_within, phases
+from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
 
 
-def reading_of(path: Path, **labels: list[RobotRecord]) -> Reading:
+def stored_of(path: Path, **labels: list[RobotRecord]) -> StoredResults:
     """Return a results directory with one cell a label."""
     return store(path, [(a_cell(label), records) for label, records in labels.items()])
 
 
-def value_of(reading: Reading, name: str, **arguments: Any) -> Measured:
-    found = measure(reading, name, arguments)
+def value_of(stored: StoredResults, name: str, **arguments: Any) -> Estimate:
+    found = measure(stored, name, arguments)
     assert found is not None
     return found
 
@@ -31,52 +32,50 @@ def test_a_median_never_includes_a_failure(tmp_path: Path) -> None:
         a_record("collided", 1.0),
         a_record("timed_out", 60.0),
     ]
-    reading = reading_of(tmp_path, A=records)
-    assert value_of(reading, "median", metric="time_s", select={"label": "A"}) == (12.0, 10.0, 30.0, 3)
+    stored = stored_of(tmp_path, A=records)
+    assert value_of(stored, "median", metric="time_s", select={"label": "A"}) == (12.0, 10.0, 30.0, 3)
 
 
 def test_a_median_of_failures_alone_is_nothing(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record("collided")])
-    assert measure(reading, "median", {"metric": "time_s", "select": {"label": "A"}}) is None
-    assert measure(reading, "median_over_straight", {"select": {"label": "A"}}) is None
-
-
-def test_a_ratio_is_taken_robot_by_robot(tmp_path: Path) -> None:
-    records = [a_record(length_m=2.0, time_s=10.0), a_record(length_m=6.0, time_s=12.0), a_record("collided", 1.0, 9.0)]
-    reading = reading_of(tmp_path, A=records)
-    found = value_of(reading, "median_ratio", metric="path_length_m", over="time_s", select={"label": "A"})
-    assert found == pytest.approx((0.35, 0.2, 0.5, 2))
+    stored = stored_of(tmp_path, A=[a_record("collided")])
+    assert measure(stored, "median", {"metric": "time_s", "select": {"label": "A"}}) is None
+    assert measure(stored, f"{AOUF2019}.median_over_straight", {"select": {"label": "A"}}) is None
 
 
 def test_the_straight_line_ends_at_the_edge_of_the_goal(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record(length_m=2.9)])
-    assert value_of(reading, "median_over_straight", select={"label": "A"}).value == pytest.approx(1.0)
+    stored = stored_of(tmp_path, A=[a_record(length_m=2.9)])
+    assert value_of(stored, f"{AOUF2019}.median_over_straight", select={"label": "A"}).value == pytest.approx(1.0)
 
 
 def test_a_failure_is_worse_than_any_arrival_and_two_failures_say_nothing(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         A=[a_record(time_s=10.0), a_record(time_s=50.0), a_record("collided", 1.0), a_record("collided", 1.0)],
         B=[a_record(time_s=11.0), a_record("collided", 1.0), a_record(time_s=50.0), a_record("timed_out", 60.0)],
     )
-    found = value_of(reading, "share_better", metric="time_s", select={"label": "A"}, than={"label": "B"})
+    found = value_of(stored, "share_better", metric="time_s", select={"label": "A"}, than={"label": "B"})
     assert found.value == pytest.approx(2 / 3)
     assert found.n == 3
 
 
 def test_a_tie_is_not_better(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record()], B=[a_record()])
-    assert value_of(reading, "share_better", metric="time_s", select={"label": "A"}, than={"label": "B"}).value == 0.0
+    stored = stored_of(tmp_path, A=[a_record()], B=[a_record()])
+    assert value_of(stored, "share_better", metric="time_s", select={"label": "A"}, than={"label": "B"}).value == 0.0
 
 
 def test_as_good_allows_the_margin_and_demands_arrival_where_the_other_arrives(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         A=[a_record(time_s=10.5), a_record(time_s=10.6), a_record("collided", 1.0), a_record("collided", 1.0)],
         B=[a_record(time_s=10.0), a_record(time_s=10.0), a_record(time_s=10.0), a_record("collided", 1.0)],
     )
     found = value_of(
-        reading, "share_as_good", metric="time_s", select={"label": "A"}, than={"label": "B"}, margin=0.051
+        stored,
+        f"{AOUF2019}.share_as_good",
+        metric="time_s",
+        select={"label": "A"},
+        than={"label": "B"},
+        margin=0.051,
     )
     assert (found.value, found.n) == (0.5, 4)
 
@@ -88,55 +87,66 @@ def test_an_order_must_hold_strictly_from_label_to_label(tmp_path: Path) -> None
         for label, all_s in times.items()
         for seed, time_s in enumerate(all_s)
     ]
-    reading = store(tmp_path, cells)
-    found = value_of(reading, "share_ordered", metric="time_s", labels=["A", "B", "C"], select={"name": "printed"})
+    stored = store(tmp_path, cells)
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_ordered",
+        metric="time_s",
+        labels=["A", "B", "C"],
+        select={"name": "printed"},
+    )
     assert (found.value, found.n) == pytest.approx((1 / 3, 3))
 
 
 def test_an_order_with_a_label_that_never_arrived_is_nothing(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record()], B=[a_record("collided")])
+    stored = stored_of(tmp_path, A=[a_record()], B=[a_record("collided")])
     arguments = {"metric": "time_s", "labels": ["A", "B"], "select": {"name": "printed"}}
-    assert measure(reading, "share_ordered", arguments) is None
+    assert measure(stored, f"{AOUF2019}.share_ordered", arguments) is None
 
 
 def test_shares_count_outcomes_with_wilsons_interval(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record(), a_record("collided"), a_record("timed_out"), a_record("reached")])
+    stored = stored_of(tmp_path, A=[a_record(), a_record("collided"), a_record("timed_out"), a_record("reached")])
     select = {"label": "A"}
-    assert value_of(reading, "share_reached", select=select)[:1] == (0.5,)
-    assert value_of(reading, "share_without_collision", select=select).value == 0.75
-    found = value_of(reading, "share_with_outcome", outcomes=["timed_out", "collided"], select=select)
+    assert value_of(stored, "share_reached", select=select)[:1] == (0.5,)
+    assert value_of(stored, "share_without_collision", select=select).value == 0.75
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_with_outcome",
+        outcomes=["timed_out", "collided"],
+        select=select,
+    )
     assert found.value == 0.5
     assert found.low == pytest.approx(0.1500, abs=1e-4)
     assert found.high == pytest.approx(0.8500, abs=1e-4)
 
 
 def test_the_speed_is_taken_over_all_periods(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record(length_m=2.0), a_record(length_m=4.0)])
-    assert value_of(reading, "speed_range", select={"label": "A"}) == pytest.approx((0.3, 0.2, 0.4, 10))
+    stored = stored_of(tmp_path, A=[a_record(length_m=2.0), a_record(length_m=4.0)])
+    assert value_of(stored, f"{AOUF2019}.speed_range", select={"label": "A"}) == pytest.approx((0.3, 0.2, 0.4, 10))
 
 
 def test_differences_are_paired_start_by_start(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         A=[a_record(time_s=t) for t in (10.0, 20.0, 30.0, 40.0)],
         B=[a_record(time_s=11.0), a_record(time_s=22.0), a_record("collided", 1.0), a_record(time_s=41.0)],
     )
-    reached = value_of(reading, "difference_in_reached", select={"label": "A"}, than={"label": "B"})
+    reached = value_of(stored, "difference", metric="reached", select={"label": "A"}, than={"label": "B"})
     assert (reached.value, reached.n) == (0.25, 4)
-    times = value_of(reading, "difference_in_time", select={"label": "A"}, than={"label": "B"})
+    times = value_of(stored, "difference", metric="time_s", select={"label": "A"}, than={"label": "B"})
     assert times.value == pytest.approx((-1.0 - 2.0 - (LIMIT_S - 30.0) - 1.0) / 4)
     assert times.low <= times.value <= times.high
 
 
 def test_a_start_that_one_side_met_twice_is_refused(tmp_path: Path) -> None:
     cells = [(a_cell("A", tuning="pso", seed=seed), [a_record()]) for seed in (0, 1)]
-    reading = store(tmp_path, [*cells, (a_cell("B"), [a_record()])])
+    stored = store(tmp_path, [*cells, (a_cell("B"), [a_record()])])
     with pytest.raises(DescriptionError, match="met the same start several times"):
-        measure(reading, "difference_in_time", {"select": {"label": "A"}, "than": {"label": "B"}})
+        measure(stored, "difference", {"metric": "time_s", "select": {"label": "A"}, "than": {"label": "B"}})
 
 
 def test_a_decrease_is_the_median_pairs_in_percent_of_the_other_and_negative_for_an_increase(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         A=[a_record(time_s=9.0), a_record(time_s=15.0), a_record(time_s=6.0), a_record("collided", 1.0), a_record()],
         B=[
@@ -147,81 +157,119 @@ def test_a_decrease_is_the_median_pairs_in_percent_of_the_other_and_negative_for
             a_record("timed_out", 60.0),
         ],
     )
-    found = value_of(reading, "median_decrease", metric="time_s", select={"label": "A"}, than={"label": "B"})
+    found = value_of(
+        stored,
+        f"{ZHAO2018}.median_decrease",
+        metric="time_s",
+        select={"label": "A"},
+        than={"label": "B"},
+    )
     assert found == pytest.approx((10.0, -50.0, 40.0, 3))
 
 
 def test_a_decrease_counts_each_tuning_and_is_nothing_where_never_both_reached(tmp_path: Path) -> None:
     tuned = [(a_cell("A", tuning="pso", seed=seed), [a_record(time_s=8.0 - seed)]) for seed in (0, 1, 2)]
-    reading = store(tmp_path, [*tuned, (a_cell("B"), [a_record(time_s=10.0)]), (a_cell("C"), [a_record("collided")])])
+    stored = store(tmp_path, [*tuned, (a_cell("B"), [a_record(time_s=10.0)]), (a_cell("C"), [a_record("collided")])])
     arguments = {"metric": "time_s", "select": {"label": "A"}}
-    found = value_of(reading, "median_decrease", **arguments, than={"label": "B"})
+    found = value_of(stored, f"{ZHAO2018}.median_decrease", **arguments, than={"label": "B"})
     assert found == pytest.approx((30.0, 20.0, 40.0, 3))
-    assert measure(reading, "median_decrease", {**arguments, "than": {"label": "C"}}) is None
+    assert measure(stored, f"{ZHAO2018}.median_decrease", {**arguments, "than": {"label": "C"}}) is None
 
 
 def test_tunings_are_summed_up_over_their_seeds(tmp_path: Path) -> None:
     costs = {("pso", 0): [3.0, 2.0, 2.5, 4.0], ("pso", 1): [5.0, 4.0, 3.0, 1.0], ("fa", 0): [9.0, 9.0, 9.0, 8.0]}
-    reading = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)
-    assert value_of(reading, "least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
-    found = value_of(reading, "share_at_bound", parameter="kp", tunings=["pso", "fa"])  # the best kp: 4, 10, 10
+    stored = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)
+    assert value_of(stored, f"{AOUF2019}.least_cost", tunings=["pso"]) == (1.5, 1.0, 2.0, 2)
+    found = value_of(
+        stored, f"{AOUF2019}.share_at_bound", parameter="kp", tunings=["pso", "fa"]
+    )  # the best kp: 4, 10, 10
     assert (found.value, found.n) == pytest.approx((2 / 3, 3))
 
 
-def test_what_cannot_be_compared_is_not_testable(tmp_path: Path) -> None:
-    check_measure("measure", {"name": "not_comparable"})
-    assert measure(reading_of(tmp_path, A=[a_record()]), "not_comparable", {}) is None
-
-
 def test_a_selection_that_matches_nothing_is_an_error(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, A=[a_record()])
+    stored = stored_of(tmp_path, A=[a_record()])
     with pytest.raises(DescriptionError, match="no episodes match"):
-        reading.select(label="B")
+        stored.select(label="B")
     with pytest.raises(DescriptionError, match="colour"):
-        reading.select(colour="red")
+        stored.select(colour="red")
 
 
 def test_a_cell_that_stands_under_two_names_is_found_under_both(tmp_path: Path) -> None:
     first = a_cell("A")
-    reading = store(tmp_path, [(first, [a_record()])])
-    reading.manifest["cells"].append({**reading.manifest["cells"][0], "name": "laws"})
-    again = Reading(reading.results)
-    again.manifest = reading.manifest
+    stored = store(tmp_path, [(first, [a_record()])])
+    stored.manifest["cells"].append({**stored.manifest["cells"][0], "name": "laws"})
+    again = StoredResults(stored.results)
+    again.manifest = stored.manifest
     assert len(again.select(name="printed")) == len(again.select(name="laws")) == 1
 
 
-def test_every_measure_is_named_as_its_function() -> None:
-    assert all(name == function.__name__ for name, function in MEASURES.items())
-    assert all(function.__doc__ for function in MEASURES.values())
-
-
 @pytest.mark.parametrize(
-    ("spec", "words"),
+    ("name", "of", "says"),
     [
-        ({"name": "mean"}, ["key.name='mean'", "median"]),
-        ({"name": "median", "metric": "time_s", "select": {}, "of": 1}, ["key.of", "metric, select"]),
-        ({"name": "median", "metric": "time_s"}, ["key.select: missing", "metric, select"]),
-        ({}, ["key.name='None'"]),
+        ("mean", {}, "key=mean: there is no such function; did you mean median"),
+        ("median", {"metric": "time_s", "weight": 1}, "key: of.weight: unknown key; median takes metric, cell, label"),
+        ("median", {"cell": "fair"}, "key: of.metric: missing; median takes metric, cell"),
+        ("described_value", {"table": "t", "column": "c", "where": {}, "label": "A"}, "of.label: unknown key"),
+        ("navbench.analysis.fleets.fleets", {}, "is no measure"),
+        ("", {}, "key=: there is no such function"),
     ],
 )
-def test_an_unknown_measure_or_argument_is_refused_by_name(spec: dict[str, Any], words: list[str]) -> None:
-    with pytest.raises(DescriptionError) as error:
-        check_measure("key", spec)
-    assert all(word in str(error.value) for word in words)
+def test_an_unknown_measure_or_argument_is_refused_by_name(name: str, of: dict[str, Any], says: str) -> None:
+    with pytest.raises(DescriptionError, match=re.escape(says)):
+        check_measure("key", name, of, trust=False)
 
 
-def a_way(**columns: list[float]) -> pd.DataFrame:
+def test_cells_are_chosen_beside_the_arguments_and_than_says_what_differs(tmp_path: Path) -> None:
+    cells = [
+        (a_cell(label, name=name), [a_record(time_s=time_s)])
+        for label, name, time_s in (("A", "fair", 10.0), ("B", "fair", 12.0), ("B", "printed", 90.0))
+    ]
+    stored = store(tmp_path, cells)
+    fair = {"metric": "path_length_m", "cell": "fair", "label": "A"}
+    assert measure(stored, "median", {**fair, "metric": "time_s"}) == (10.0, 10.0, 10.0, 1)
+    for than in ("B", {"label": "B"}):
+        assert measure(stored, "share_better", {**fair, "metric": "time_s", "than": than}) is not None
+    same = measure(stored, "difference", {**fair, "than": {"cell": "printed", "label": "B"}})
+    assert same == (0.0, 0.0, 0.0, 1)
+
+
+def test_a_measure_of_a_users_own_module_is_asked_by_its_dotted_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from navbench.analysis.estimates import median_of\n\n\n"
+        "def turning(stored, factor, select):\n"
+        "    return median_of(factor * stored.select(**select)['total_turning_rad'])\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    stored = stored_of(tmp_path / "stored", A=[a_record()])
+    assert measure(stored, "mine.turning", {"factor": 2.0, "label": "A"}, trust=True) == (1.0, 1.0, 1.0, 1)
+    with pytest.raises(DescriptionError, match="lies outside navbench"):
+        measure(stored, "mine.turning", {"factor": 2.0, "label": "A"})
+
+
+def test_any_metric_has_a_difference_over_the_pairs_in_which_both_reached(tmp_path: Path) -> None:
+    stored = stored_of(
+        tmp_path,
+        A=[a_record(length_m=3.0), a_record(length_m=5.0), a_record("collided")],
+        B=[a_record(length_m=4.0), a_record(length_m=6.0), a_record(length_m=1.0)],
+    )
+    found = value_of(stored, "difference", metric="path_length_m", select={"label": "A"}, than={"label": "B"})
+    assert found == (-1.0, -1.0, -1.0, 2)
+
+
+def a_trajectory(**columns: list[float]) -> pd.DataFrame:
     """Return a trajectory with this trace; its last row, where nothing acted, is added."""
     count = max(len(values) for values in columns.values())
     values = {name: [*columns.get(name, [0.0] * count), math.nan] for name in TRACE}
     return pd.DataFrame({"t_s": np.arange(count + 1.0), **values})
 
 
-def names_of(way: pd.DataFrame, outcome: str = "reached") -> list[str]:
-    return [phase.name for phase in phases(way, outcome)]
+def names_of(trajectory: pd.DataFrame, outcome: str = "reached") -> list[str]:
+    return [phase.name for phase in phases(trajectory, outcome)]
 
 
-ESCAPE = a_way(
+ESCAPE = a_trajectory(
     heading_error_rad=[-2.0, -1.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     goal_distance_m=[3.0, 3.0, 2.8, 2.0, 2.0, 2.0, 1.9, 1.7, 1.0],
     behavior=[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0],
@@ -240,16 +288,16 @@ def test_a_failure_never_reaches() -> None:
 
 
 def test_who_looks_ahead_at_the_start_does_not_turn() -> None:
-    assert "turn" not in names_of(a_way(heading_error_rad=[0.05, 2.0, 0.0]))
+    assert "turn" not in names_of(a_trajectory(heading_error_rad=[0.05, 2.0, 0.0]))
 
 
 def test_standing_still_away_from_obstacles_is_no_stall() -> None:
-    assert "stall" not in names_of(a_way(stalled=[1.0, 1.0, 0.0]))
-    assert "stall" in names_of(a_way(stalled=[1.0, 1.0, 0.0], at_obstacle=[0.0, 1.0, 0.0]))
+    assert "stall" not in names_of(a_trajectory(stalled=[1.0, 1.0, 0.0]))
+    assert "stall" in names_of(a_trajectory(stalled=[1.0, 1.0, 0.0], at_obstacle=[0.0, 1.0, 0.0]))
 
 
 def test_wall_following_that_lasts_to_the_end_is_not_released() -> None:
-    assert names_of(a_way(behavior=[0.0, 1.0, 1.0]), "collided") == ["follow"]
+    assert names_of(a_trajectory(behavior=[0.0, 1.0, 1.0]), "collided") == ["follow"]
 
 
 def test_phases_may_have_others_between_them_but_not_another_order() -> None:
@@ -262,6 +310,11 @@ def test_phases_may_have_others_between_them_but_not_another_order() -> None:
 
 def test_the_share_in_phases_counts_episodes(tmp_path: Path) -> None:
     straight = a_record()
-    reading = reading_of(tmp_path, A=[straight, a_record("collided")])
-    found = value_of(reading, "share_in_phases", phases=["approach", "reach"], select={"label": "A"})
+    stored = stored_of(tmp_path, A=[straight, a_record("collided")])
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_in_phases",
+        phases=["approach", "reach"],
+        select={"label": "A"},
+    )
     assert (found.value, found.n) == (0.5, 2)

@@ -15,6 +15,7 @@ import pytest
 from commands import NAVBENCH, Command
 
 from navbench.cli.configuration import compose_cell
+from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tables import PANELS_MAX, _drawn
 from navbench.experiments.cells import BATCH_MAX, batches_of
 from navbench.experiments.code import code_of, roots_of
@@ -133,6 +134,30 @@ def test_a_directory_with_other_work_is_refused_and_stays(own: Path) -> None:
     with pytest.raises(DescriptionError, match="holds the results of other work"):
         run_plan(plan_of(own, "go_to_goal"), own / "results", 1)
     assert {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()} == before
+
+
+# Tunings
+
+
+def test_a_tuning_that_is_interrupted_goes_on_after_its_last_generation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["controller=pid", "tuner=pso", "objective=ise", "world=corner", "budget=40", "world.time_limit_s=1.0"]
+    tuning, _, _ = compose_tuning(words)
+    plan = Plan(cells=tuning.cells, tunings=(tuning,), study={"name": "tune it"})
+    whole = run_plan(plan, tmp_path / "whole", 1).results.evaluations()
+
+    def interrupt(what: str, done: int, of: int) -> None:
+        if done == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(plan, tmp_path / "stopped", 1, progress=interrupt)
+    told: list[tuple[str, int, int]] = []
+    results = run_plan(plan, tmp_path / "stopped", 1, progress=lambda *words: told.append(words)).results
+    assert [done for what, done, _ in told if what.endswith("evaluations")] == [30, 40]
+    pd.testing.assert_frame_equal(results.evaluations(), whole, rtol=0.0, atol=0.0)
+    assert [file.name.split("-")[0] for file in (tmp_path / "stopped/evaluations").iterdir()] == ["part"]
 
 
 # What is missing

@@ -237,12 +237,12 @@ def mixed(tmp_path: Path) -> pd.DataFrame:
 
 
 def test_a_table_averages_those_that_reached_and_no_others(mixed: pd.DataFrame) -> None:
-    hard, plain = summarize(mixed).to_dict("records")
-    assert plain["reached"] == "2 of 4"
+    plain, hard = summarize(mixed).to_dict("records")
+    assert (plain["reached"], plain["of"]) == (2, 4)
     assert plain["time_s"] == 12.0
     assert plain["path_length_m"] == 4.0
     assert [plain[name] for name in ("collided", "timed_out", "controller_error", "collisions")] == [1, 1, 0, 1]
-    assert hard["reached"] == "0 of 1"
+    assert (hard["reached"], hard["of"]) == (0, 1)
     assert np.isnan(hard["time_s"])
     assert hard["controller_error"] == 1
 
@@ -252,22 +252,22 @@ def test_a_table_prints_a_dash_where_none_reached(mixed: pd.DataFrame) -> None:
         hard = next(line for line in text.splitlines() if "hard" in line)
         assert "0 of 1" in hard
         assert "nan" not in text
-        assert hard.split().count("-") >= 4
+        assert hard.split().count("–") >= 4
 
 
 def test_a_markdown_table_has_every_column_and_a_row_a_cell(mixed: pd.DataFrame) -> None:
     summary = summarize(mixed)
     lines = to_markdown(summary).splitlines()
     cells = [[part.strip() for part in line.strip("|").split("|")] for line in lines]
-    assert cells[0] == [name for name in summary.columns if name != "run_id"]
+    assert cells[0] == [name for name in summary.columns if name not in ("of", "episodes", "run_id")]
     assert len(lines) == 2 + len(summary)
     assert {len(row) for row in cells} == {len(cells[0])}
 
 
 def test_failures_are_named_with_their_reasons_and_counted(mixed: pd.DataFrame) -> None:
     assert failures(mixed, at_most=2) == [
-        "pid in plain, episode 2, robot 0: collided after 1.00 s (hit box 0)",
-        "pid in plain, episode 3, robot 0: timed_out after 60.00 s",
+        "pid in plain, seed 0, episode 2, robot 0: collided after 1.00 s (hit box 0)",
+        "pid in plain, seed 0, episode 3, robot 0: timed_out after 60.00 s",
         "... and 1 more",
     ]
 
@@ -350,8 +350,8 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     for kept, whole in zip(_tables(Results(tmp_path)), _tables(once), strict=True):
         both = set(kept["episode"]) & set(whole["episode"])
         assert both
-        sides = [table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole)]
-        pd.testing.assert_frame_equal(*sides, rtol=0.0, atol=0.0)
+        left, right = (table[table["episode"].isin(both)].reset_index(drop=True) for table in (kept, whole))
+        pd.testing.assert_frame_equal(left, right, rtol=0.0, atol=0.0)
 
 
 def _tables(results: Results) -> tuple[pd.DataFrame, pd.DataFrame]:

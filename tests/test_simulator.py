@@ -6,7 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BLIND, BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, drive, pose_of, reset, to_and_fro
+from scenes import (
+    BLIND,
+    BLOCK,
+    IDEAL,
+    RADII,
+    a_ring,
+    a_robot,
+    a_simulator,
+    a_world,
+    again,
+    drive,
+    pose_of,
+    reset,
+    to_and_fro,
+)
 from shapes import Round, assert_readings_are_analytic, clearance, clutter, shapes_of
 
 from navbench.contract import Pose
@@ -60,7 +74,7 @@ def test_contact_is_decided_as_the_analytic_clearance_says(radius_m: float) -> N
                         inside = middle
                 place = inside + radius_m * 10.0 ** rng.uniform(-6.0, -0.5) * np.exp(1j * rng.uniform(-4.0, 4.0))
                 gap = clearance(shapes, complex(place), radius_m) / radius_m
-                reset(simulator, simulator.scene.layout, [Pose(place.real, place.imag, rng.uniform(-3.0, 3.0)), other])
+                again(simulator, [Pose(place.real, place.imag, rng.uniform(-3.0, 3.0)), other])
                 hit = any(event.robot_index == 0 for event in simulator.advance(0.0, 1e-12))
                 touched += hit
                 free += not hit
@@ -84,7 +98,7 @@ def test_contacts_are_right_beside_things_that_are_huge_or_tiny(radius_m: float)
     for thing in things:
         with a_simulator(a_world(starts=start, **thing), a_robot(radius_m)) as simulator:
             for gap, expected in ((hair, 0), (-hair, 1), (-0.2 * radius_m, 1)):
-                reset(simulator, simulator.scene.layout, [Pose(0.0, small + radius_m + gap, 0.0)])
+                again(simulator, [Pose(0.0, small + radius_m + gap, 0.0)])
                 assert len(simulator.advance(0.0, 1e-12)) == expected
 
 
@@ -98,7 +112,7 @@ def test_an_end_by_contact_names_what_was_hit() -> None:
     places = {"box 1": (1.0, 0.0), "wall 0": (-2.5, 3.0), "disc 0": (0.0, -1.5), "mover 0": (-8.0, -9.0)}
     with a_simulator(world, a_robot()) as simulator:
         for name, (x, y) in places.items():
-            reset(simulator, simulator.scene.layout, [Pose(x, y, 0.0)])
+            again(simulator, [Pose(x, y, 0.0)])
             (event,) = simulator.advance(3.0, 0.1)
             assert (event.outcome, str(event.hit)) == ("collided", name)
             assert event.t_s == pytest.approx(3.1)
@@ -512,7 +526,7 @@ def test_a_reset_forgets_the_last_episode(accel_mps2: float | None) -> None:
         robot = a_robot(1.0, 1.0, accel_mps2)
         fresh, used = (stack.enter_context(a_simulator(world, robot, a_ring(8, 1.0, 6.0), BLOCK)) for _ in range(2))
         drive(used, [(1.0, 0.2)] * 60, 0.9)
-        reset(used, used.scene.layout, [Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
+        reset(used, world, [Pose(start.x_m, start.y_m, start.heading_rad or 0.0) for start in world.starts])
         for k in range(60):
             for simulator in (fresh, used):
                 drive(simulator, [(0.3, 0.4 * math.sin(k))], 0.9, first_period=k)

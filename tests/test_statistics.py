@@ -11,7 +11,7 @@ from scipy import stats
 
 from navbench.mathematics.statistics import (
     CONFIDENCE,
-    Interval,
+    Estimate,
     bootstrap_median,
     friedman,
     median_and_range,
@@ -57,7 +57,7 @@ def episodes(rng: np.random.Generator, n: int) -> tuple[Floats, Bools]:
     return rng.gamma(6.0, 3.0, n) + 5.0, rng.random(n) < 0.85
 
 
-def limits(interval: Interval) -> tuple[float, float]:
+def limits(interval: Estimate) -> tuple[float, float]:
     return interval.low, interval.high
 
 
@@ -315,7 +315,7 @@ def test_swapping_the_sides_negates_the_paired_difference() -> None:
 
 @pytest.mark.parametrize("measure", [lambda x, rng: restricted_mean(x, x > 15.0, LIMIT_S, rng), bootstrap_median])
 def test_a_bootstrap_depends_on_its_generator_alone(
-    measure: Callable[[Floats, np.random.Generator], Interval],
+    measure: Callable[[Floats, np.random.Generator], Estimate],
 ) -> None:
     times_s, _ = episodes(seeded(), 40)
     assert measure(times_s, seeded()) == measure(times_s, seeded())
@@ -578,7 +578,7 @@ def test_a_confidence_outside_0_and_1_is_refused(measure: Callable[[float], obje
         lambda c: bootstrap_median(np.arange(20.0), seeded(), confidence=c),
     ],
 )
-def test_the_confidence_asked_for_reaches_the_interval(measure: Callable[[float], Interval]) -> None:
+def test_the_confidence_asked_for_reaches_the_interval(measure: Callable[[float], Estimate]) -> None:
     half, most = measure(0.5), measure(0.95)
     assert most.low < half.low < half.high < most.high
     assert half.value == most.value

@@ -138,10 +138,22 @@ def test_every_evaluation_of_a_tuning_is_kept(finished: Path) -> None:
 
 
 WRONG = {
-    "claims[0].measure.name": ("measure: {name: share_reached", "measure: {name: share_of_luck"),
-    "claims[0].measure.select.label=S.F.L.X.: no such cell is planned; there are S.F.L.C., untuned PID": (
-        "select: {name: fair, label: S.F.L.C.}",
-        "select: {name: fair, label: S.F.L.X.}",
+    "claims.reaches.measure=share_reach: there is no such function; did you mean share_reached": (
+        "measure: share_reached",
+        "measure: share_reach",
+    ),
+    "claims.quicker.measure: of.then: unknown key; difference takes metric, than": (
+        "than: untuned",
+        "then: untuned",
+    ),
+    "holds=often: must be as": ("holds: in 95 % of the cases", "holds: often"),
+    "claims.reaches.select.label=S.F.L.X.: no such cell is planned; there are S.F.L.C., untuned PID": (
+        "of: {cell: fair, label: S.F.L.C.}",
+        "of: {cell: fair, label: S.F.L.X.}",
+    ),
+    "claims.quicker.than.label=tuned PID: no such cell is planned; there are S.F.L.C., untuned PID": (
+        "than: untuned PID",
+        "than: tuned PID",
     ),
     "report[1].select.name=unfair: no such cell is planned; there are printed, fair": (
         "select: {name: fair}",
@@ -157,8 +169,8 @@ WRONG = {
         "label: random PID, controllers: {S.F.L.C.: [controller=sflc]},",
     ),
     "budget=5: must be at least 10": ("budget=12", "budget=5"),
-    "report[0].name": ("{name: claims, title", "{name: horoscope, title"),
-    "tolerance": ("{absolute: 0.05}", "{absolute: 0.05, relative: 0.1}"),
+    "report[0].name": ("{name: verdicts, title", "{name: horoscope, title"),
+    "must be above 0": ("practically_equal: 2 %", "practically_equal: 0"),
     "controller.tunable.kp.high": ("tuner=random,", "tuner=random, controller.tunable.kp.high=-1.0,"),
     "controller.tunable.kq|controller.build.kq": (
         "tuner=random,",

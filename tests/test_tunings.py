@@ -209,7 +209,6 @@ def test_a_tuning_of_choices_is_the_same_with_one_worker_and_with_two_and_writes
     for workers in ("1", "2"):
         done = navbench(folder, "tune", *WORDS, f"workers={workers}", f"hydra.run.dir=with_{workers}")
         assert done.returncode == 0, done.stderr
-        assert "best cost " in done.stderr
         assert "  rules.turn.left: " in done.stdout
     assert parts_of(folder / "with_1") == parts_of(folder / "with_2")
     assert (folder / "with_1/convergence.png").stat().st_size > 1000

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stored import Fleet, a_cell, a_drive, store
+from stored import ZHAO2017, Fleet, a_cell, a_drive, store
 
-from navbench.analysis.claims import Measured
-from navbench.analysis.measures import check_measure, measure
-from navbench.analysis.stored import Reading
+from navbench.analysis.measuring import measure
+from navbench.analysis.stored import StoredResults
+from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
 
@@ -17,16 +17,15 @@ A = {"label": "A"}
 Bands = dict[str, list[float]]
 
 
-def reading_of(path: Path, *records: RobotRecord | Fleet) -> Reading:
+def stored_of(path: Path, *records: RobotRecord | Fleet) -> StoredResults:
     return store(path, [(a_cell("A"), records)])
 
 
-def value_of(reading: Reading, name: str, **arguments: Any) -> Measured | None:
-    check_measure("measure", {"name": name, "select": A, **arguments})
-    return measure(reading, name, {"select": A, **arguments})
+def value_of(stored: StoredResults, name: str, **arguments: Any) -> Estimate | None:
+    return measure(stored, name, {"select": A, **arguments})
 
 
-def share_of(found: Measured | None) -> tuple[float, int]:
+def share_of(found: Estimate | None) -> tuple[float, int]:
     assert found is not None
     return found.value, found.n
 
@@ -34,30 +33,30 @@ def share_of(found: Measured | None) -> tuple[float, int]:
 # --- in what share of some periods something holds ---
 
 
-def share_of_periods(reading: Reading, where: Bands, holds: Bands, settled_s: float = 0.0) -> Measured | None:
+def share_of_periods(stored: StoredResults, where: Bands, holds: Bands, settled_s: float = 0.0) -> Estimate | None:
     """Return what is measured of the periods in which the column "danger" is 0."""
     arguments = {"where": where, "holds": holds, "state": "danger", "settled_s": settled_s}
-    return value_of(reading, "share_of_periods", **arguments)
+    return value_of(stored, f"{ZHAO2017}.share_of_periods", **arguments)
 
 
 def calm(*v_mps: float, **trace: Any) -> RobotRecord:
-    """Return a way without any danger."""
+    """Return a path without any danger."""
     return a_drive(v_mps, danger=[0.0] * len(v_mps), **trace)
 
 
 def test_the_share_of_periods_is_the_median_robots_and_not_the_pooled_one(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         calm(0.1, 0.2, 0.3, 0.4, on=[1, 1, 1, 0]),  # 2 of 3
         calm(*[0.1] * 9, on=[1] * 9),  # 9 of 9
         calm(0.5, 0.1, on=[1, 0]),  # 0 of 1
     )
-    found = share_of_periods(reading, {"on": [1, 1]}, {"v_mps": [0.0, 0.2]})
+    found = share_of_periods(stored, {"on": [1, 1]}, {"v_mps": [0.0, 0.2]})
     assert found == pytest.approx((2 / 3, 0.0, 1.0, 3))
 
 
 def test_both_ends_of_a_band_lie_in_it_and_all_bands_must_hold(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, calm(0.1, 0.2, 0.3, 0.4, near_m=[1.0, 2.0, 3.0, 4.0], on=[1, 1, 0, 1]))
+    stored = stored_of(tmp_path, calm(0.1, 0.2, 0.3, 0.4, near_m=[1.0, 2.0, 3.0, 4.0], on=[1, 1, 0, 1]))
     cases: list[tuple[Bands, float]] = [
         ({"v_mps": [0.2, 0.4]}, 0.75),
         ({"v_mps": [0.2, 0.4], "near_m": [0.0, 3.0]}, 0.5),
@@ -65,27 +64,27 @@ def test_both_ends_of_a_band_lie_in_it_and_all_bands_must_hold(tmp_path: Path) -
         ({}, 1.0),
     ]
     for holds, expected in cases:
-        assert share_of(share_of_periods(reading, {}, holds)) == (expected, 1)
-    found = share_of_periods(reading, {"on": [1, 1], "near_m": [2, 9]}, {"v_mps": [0.4, 1]})
+        assert share_of(share_of_periods(stored, {}, holds)) == (expected, 1)
+    found = share_of_periods(stored, {"on": [1, 1], "near_m": [2, 9]}, {"v_mps": [0.4, 1]})
     assert share_of(found) == (0.5, 1)
 
 
 def test_the_end_of_a_way_is_no_period(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, calm(0.1, 0.5))  # the last speed stands twice in the table
-    assert share_of(share_of_periods(reading, {}, {"v_mps": [0.5, 0.5]})) == (0.5, 1)
+    stored = stored_of(tmp_path, calm(0.1, 0.5))  # the last speed stands twice in the table
+    assert share_of(share_of_periods(stored, {}, {"v_mps": [0.5, 0.5]})) == (0.5, 1)
 
 
 def test_robots_without_such_a_period_do_not_count_and_none_is_nothing(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, calm(0.1, on=[0]), calm(0.1, on=[1]))
-    assert share_of(share_of_periods(reading, {"on": [1, 1]}, {"v_mps": [0, 1]})) == (1.0, 1)
-    assert share_of_periods(reading, {"on": [2, 3]}, {}) is None
+    stored = stored_of(tmp_path, calm(0.1, on=[0]), calm(0.1, on=[1]))
+    assert share_of(share_of_periods(stored, {"on": [1, 1]}, {"v_mps": [0, 1]})) == (1.0, 1)
+    assert share_of_periods(stored, {"on": [2, 3]}, {}) is None
 
 
 @pytest.mark.parametrize(
     ("settled_s", "expected"),
     [
         (0.0, 5 / 6),
-        (1.0, 4 / 5),  # the way's first period does not count
+        (1.0, 4 / 5),  # the path's first period does not count
         (1.001, 1 / 2),
         (2.0, 1 / 2),
         (2.5, 1.0),
@@ -97,8 +96,8 @@ def test_periods_count_only_where_a_state_has_been_over_for_so_long(
 ) -> None:
     """Danger is in the periods from 2, 4 and 5 s; the others begin 0, 1, 1, 1, 2 and 3 s after it; one is slow."""
     speeds = [0.5, 0.5, 0.0, 0.5, 0.0, 0.0, 0.5, 0.1, 0.5]
-    reading = reading_of(tmp_path, a_drive(speeds, danger=[0, 0, 1, 0, -2, 1, 0, 0, 0]))
-    found = share_of_periods(reading, {}, {"v_mps": [0.5, 0.5]}, settled_s)
+    stored = stored_of(tmp_path, a_drive(speeds, danger=[0, 0, 1, 0, -2, 1, 0, 0, 0]))
+    found = share_of_periods(stored, {}, {"v_mps": [0.5, 0.5]}, settled_s)
     if expected is None:
         assert found is None
     else:
@@ -106,7 +105,7 @@ def test_periods_count_only_where_a_state_has_been_over_for_so_long(
 
 
 def test_a_robot_that_is_always_in_danger_has_no_period_that_counts(tmp_path: Path) -> None:
-    assert share_of_periods(reading_of(tmp_path, a_drive([0.5, 0.5], danger=[1, 1])), {}, {}) is None
+    assert share_of_periods(stored_of(tmp_path, a_drive([0.5, 0.5], danger=[1, 1])), {}, {}) is None
 
 
 # --- how low a column falls ---
@@ -114,15 +113,19 @@ def test_a_robot_that_is_always_in_danger_has_no_period_that_counts(tmp_path: Pa
 
 def test_a_least_value_at_the_bound_counts_and_the_end_does_not(tmp_path: Path) -> None:
     lanes = [(0.0, float(y)) for y in (5, 4, 3, 0)]
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         a_drive([0.1] * 3, near_m=[5.0, 2.0, 9.0]),
         a_drive([0.1] * 3, near_m=[5.0, 2.001, 9.0]),
         a_drive([0.1] * 3, near_m=[5.0, -1.0, 9.0], places=lanes),
     )
-    assert share_of(value_of(reading, "share_with_least", column="near_m", at_most=2.0)) == pytest.approx((2 / 3, 3))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_with_least", column="near_m", at_most=2.0)) == pytest.approx(
+        (2 / 3, 3)
+    )
     # the third robot's y is 0 only at its end
-    assert share_of(value_of(reading, "share_with_least", column="y_m", at_most=0.0)) == pytest.approx((2 / 3, 3))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_with_least", column="y_m", at_most=0.0)) == pytest.approx(
+        (2 / 3, 3)
+    )
 
 
 # --- slowing down when a state begins ---
@@ -130,49 +133,61 @@ def test_a_least_value_at_the_bound_counts_and_the_end_does_not(tmp_path: Path) 
 
 def test_slowing_is_looked_for_from_the_onset_on_and_within_the_time(tmp_path: Path) -> None:
     drive = a_drive([0.5, 0.5, 0.5, 0.4, 0.5], on=[0, 1, 1, 1, 1])
-    reading = reading_of(tmp_path, drive)
+    stored = stored_of(tmp_path, drive)
     for within_s, slows in ((0.0, 0.0), (1.0, 0.0), (1.9, 0.0), (2.0, 1.0), (99.0, 1.0)):
-        assert share_of(value_of(reading, "share_slowing", column="on", within_s=within_s)) == (slows, 1)
+        assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=within_s)) == (slows, 1)
 
 
 def test_who_was_slow_before_the_onset_has_not_slowed_down_after_it(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, a_drive([0.1, 0.5, 0.5, 0.5], on=[0, 0, 1, 1]))
-    assert share_of(value_of(reading, "share_slowing", column="on", within_s=9.0)) == (0.0, 1)
+    stored = stored_of(tmp_path, a_drive([0.1, 0.5, 0.5, 0.5], on=[0, 0, 1, 1]))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=9.0)) == (0.0, 1)
 
 
 def test_every_onset_counts_and_those_of_robots_that_stand_or_back_do_not(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         a_drive([0.5, 0.3, 0.3, 0.3, 0.0, 0.2, -0.1, 0.2], on=[0, 1, 0, 1, 0, 1, 0, 1]),
         a_drive([0.1, 0.5], on=[1, 1]),  # it was in it from the beginning: no onset
     )
-    assert share_of(value_of(reading, "share_slowing", column="on", within_s=0.5)) == (0.5, 2)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=0.5)) == (0.5, 2)
 
 
 def test_a_state_of_any_sign_is_a_state_and_without_an_onset_there_is_nothing(tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, a_drive([0.5, 0.1], on=[0, -2], off=[0, 0]))
-    assert share_of(value_of(reading, "share_slowing", column="on", within_s=1.0)) == (1.0, 1)
-    assert value_of(reading, "share_slowing", column="off", within_s=1.0) is None
+    stored = stored_of(tmp_path, a_drive([0.5, 0.1], on=[0, -2], off=[0, 0]))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0)) == (1.0, 1)
+    assert value_of(stored, f"{ZHAO2017}.share_slowing", column="off", within_s=1.0) is None
 
 
 # --- speeding up again when a state is over ---
 
 
 def test_a_speed_is_regained_only_after_the_states_last_end(tmp_path: Path) -> None:
-    reading = reading_of(
+    stored = stored_of(
         tmp_path,
         a_drive([0.5, 0.1, 0.5, 0.1, 0.2], on=[0, 1, 0, 1, 0]),  # 0.5 lies between two spans
         a_drive([0.5, 0.1, 0.3], on=[0, 1, 0]),
         a_drive([0.5, 0.1, 0.3], on=[0, 1, 1]),  # it was never over
         a_drive([0.5, 0.5, 0.5], on=[0, 0, 0]),  # never in it: left out
     )
-    assert share_of(value_of(reading, "share_regaining", column="on", speed_mps=0.3)) == pytest.approx((1 / 3, 3))
-    assert share_of(value_of(reading, "share_regaining", column="on", speed_mps=0.2)) == pytest.approx((2 / 3, 3))
-    assert share_of(value_of(reading, "share_regaining", column="on", speed_mps=0.31)) == (0.0, 3)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.3)) == pytest.approx(
+        (1 / 3, 3)
+    )
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.2)) == pytest.approx(
+        (2 / 3, 3)
+    )
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.31)) == (0.0, 3)
 
 
 def test_who_never_was_in_a_state_regains_nothing(tmp_path: Path) -> None:
-    assert value_of(reading_of(tmp_path, a_drive([0.5], on=[0])), "share_regaining", column="on", speed_mps=0.1) is None
+    assert (
+        value_of(
+            stored_of(tmp_path, a_drive([0.5], on=[0])),
+            f"{ZHAO2017}.share_regaining",
+            column="on",
+            speed_mps=0.1,
+        )
+        is None
+    )
 
 
 # --- one passes first ---
@@ -193,7 +208,7 @@ OTHER_FOLLOWS = ([0.5, 0.1, 0.1, 0.1, 0.5], [1, 1, 1, 1, 0])
 def passing(path: Path, one: Any = ONE_PASSES, other: Any = OTHER_FOLLOWS, **changes: Any) -> tuple[float, int]:
     fleet = [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((one, other))]
     arguments = PASSING | changes
-    return share_of(value_of(reading_of(path, fleet), "share_passing_first", **arguments))
+    return share_of(value_of(stored_of(path, fleet), f"{ZHAO2017}.share_passing_first", **arguments))
 
 
 def test_one_passes_and_the_other_follows(tmp_path: Path) -> None:
@@ -227,9 +242,9 @@ def test_the_other_may_follow_after_the_first_has_arrived_and_backing_is_as_slow
 
 def test_who_never_meets_is_no_case_of_passing(tmp_path: Path) -> None:
     fleet = [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((ONE_PASSES, OTHER_FOLLOWS))]
-    reading = reading_of(tmp_path, fleet)
-    assert value_of(reading, "share_passing_first", **PASSING) is not None
-    assert value_of(reading, "share_passing_first", **(PASSING | {"within_m": -1.0})) is None
+    stored = stored_of(tmp_path, fleet)
+    assert value_of(stored, f"{ZHAO2017}.share_passing_first", **PASSING) is not None
+    assert value_of(stored, f"{ZHAO2017}.share_passing_first", **(PASSING | {"within_m": -1.0})) is None
 
 
 def test_a_state_that_is_back_at_once_was_not_left(tmp_path: Path) -> None:
@@ -244,8 +259,11 @@ def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
     def fleet(one: Any, other: Any) -> Fleet:
         return [a_drive(v, index=i, on=on) for i, (v, on) in enumerate((one, other))]
 
-    reading = reading_of(tmp_path, fleet(ONE_PASSES, OTHER_FOLLOWS), fleet(OTHER_FOLLOWS, ONE_PASSES))
-    assert share_of(value_of(reading, "share_passing_first", **PASSING)) == (0.5, 2)
+    stored = stored_of(tmp_path, fleet(ONE_PASSES, OTHER_FOLLOWS), fleet(OTHER_FOLLOWS, ONE_PASSES))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_passing_first", **PASSING)) == (
+        0.5,
+        2,
+    )
 
 
 # --- what none of them is given ---
@@ -254,18 +272,24 @@ def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        {"name": "share_of_periods", "where": {}, "holds": {}, "state": "on", "settled_s": 0.0},
-        {"name": "share_with_least", "column": "v_mps", "at_most": 1.0},
-        {"name": "share_slowing", "column": "on", "within_s": 1.0},
-        {"name": "share_regaining", "column": "on", "speed_mps": 1.0},
-        {"name": "share_passing_first", **PASSING},
+        {
+            "name": f"{ZHAO2017}.share_of_periods",
+            "where": {},
+            "holds": {},
+            "state": "on",
+            "settled_s": 0.0,
+        },
+        {"name": f"{ZHAO2017}.share_with_least", "column": "v_mps", "at_most": 1.0},
+        {"name": f"{ZHAO2017}.share_slowing", "column": "on", "within_s": 1.0},
+        {"name": f"{ZHAO2017}.share_regaining", "column": "on", "speed_mps": 1.0},
+        {"name": f"{ZHAO2017}.share_passing_first", **PASSING},
     ],
 )
 def test_cells_that_do_not_exist_are_an_error(arguments: dict[str, Any], tmp_path: Path) -> None:
-    reading = reading_of(tmp_path, a_drive([0.1], on=[1]))
+    stored = stored_of(tmp_path, a_drive([0.1], on=[1]))
     name = arguments.pop("name")
     with pytest.raises(DescriptionError, match="no episodes match"):
-        measure(reading, name, {"select": {"label": "B"}, **arguments})
+        measure(stored, name, {"select": {"label": "B"}, **arguments})
 
 
 def test_a_robot_that_failed_before_its_first_period_has_no_way_that_counts(tmp_path: Path) -> None:
@@ -273,9 +297,9 @@ def test_a_robot_that_failed_before_its_first_period_has_no_way_that_counts(tmp_
     at_once = at_once._replace(
         states=at_once.states[:1], traces=at_once.traces[:1], latencies_s=at_once.latencies_s[:0]
     )
-    reading = reading_of(tmp_path, at_once, a_drive([0.5, 0.1, 0.5], on=[0, 1, 0], danger=[0, 1, 0]))
-    assert share_of(share_of_periods(reading, {}, {"v_mps": [0.5, 0.5]})) == (1.0, 1)
-    assert share_of(value_of(reading, "share_slowing", column="on", within_s=1.0)) == (1.0, 1)
-    assert share_of(value_of(reading, "share_regaining", column="on", speed_mps=0.5)) == (1.0, 1)
-    found = value_of(reading, "share_with_least", column="v_mps", at_most=math.inf)
+    stored = stored_of(tmp_path, at_once, a_drive([0.5, 0.1, 0.5], on=[0, 1, 0], danger=[0, 1, 0]))
+    assert share_of(share_of_periods(stored, {}, {"v_mps": [0.5, 0.5]})) == (1.0, 1)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0)) == (1.0, 1)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.5)) == (1.0, 1)
+    found = value_of(stored, f"{ZHAO2017}.share_with_least", column="v_mps", at_most=math.inf)
     assert share_of(found) == (0.5, 2)

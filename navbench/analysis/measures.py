@@ -1,293 +1,146 @@
-"""How claims are measured: functions by name, each from stored results to one figure with its interval or range.
+"""Measures that any study may use: functions from stored results to one figure with its interval or range.
 
-A study's file names a function here and gives its arguments; there is no code in a configuration. Where an argument
-selects cells, it is a mapping from columns of the episodes' table (name, label, world, ...) to a value or a list.
+A measure takes the stored results and keyword arguments; ``select`` and ``than`` say which cells, as a value or a list
+of values for columns of the table of episodes. What only one paper's claims measure lies beside its controllers, in
+``navbench.controllers.<paper>.measures``, and a user's own in any module.
 """
 
-import inspect
-import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navbench.analysis import description_measures, fleet_measures, path_measures, trace_measures
-from navbench.analysis.claims import Measured
-from navbench.analysis.phases import is_within
-from navbench.analysis.phases import phases as phases_of
-from navbench.analysis.stored import Reading, outcomes, reached
-from navbench.mathematics.statistics import newcombe_paired, restricted_mean_difference
+from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.fleets import fleets
+from navbench.analysis.stored import StoredResults, outcomes, reached
+from navbench.mathematics.statistics import (
+    Estimate,
+    bootstrap_median,
+    newcombe_paired,
+    restricted_mean,
+    restricted_mean_difference,
+)
 from navbench.validation import DescriptionError
-from navbench.world.layout import DrawnWorld
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Select = Mapping[str, Any]
 RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it is written
 
 
-def median(reading: Reading, metric: str, select: Select) -> Measured | None:
-    """Return a metric's median over the robots that reached, with its range.
-
-    Args:
-        reading: the study's results.
-        metric: the metric's name.
-        select: which cells.
-    """
-    return Measured.median(reached(reading.select(**select))[metric].to_numpy())
+def median(stored: StoredResults, metric: str, select: Select) -> Estimate | None:
+    """Return a metric's median over the robots that reached, with its range."""
+    return median_of(reached(stored.select(**select))[metric].to_numpy())
 
 
-def median_ratio(reading: Reading, metric: str, over: str, select: Select) -> Measured | None:
-    """Return the median, over the robots that reached, of one metric over another one, with its range."""
-    rows = reached(reading.select(**select))
-    return Measured.median((rows[metric] / rows[over]).to_numpy())
+def share_reached(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the share of robots that reached their goals."""
+    return share_of((stored.select(**select)["outcome"] == "reached").to_numpy())
 
 
-def median_over_straight(reading: Reading, select: Select) -> Measured | None:
-    """Return the median of path length over the straight line from start to goal, less the goal's tolerance."""
-    rows = reached(reading.select(**select))
-    ratios = [
-        row["path_length_m"] / _straight_m(reading.world(row["run_id"], row["episode"]), row["robot_index"])
-        for row in rows.to_dict("records")
-    ]
-    return Measured.median(ratios)
+def share_without_collision(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the share of robots that touched nothing."""
+    return share_of((stored.select(**select)["collisions"] == 0).to_numpy())
 
 
-def share_better(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
+def share_of_fleets(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the share of episodes in which all robots reached their goals."""
+    return share_of(fleets(stored.select(**select))["success"])
+
+
+def share_better(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
     """Return the share of pairs in which one controller's metric is less than the other's.
 
     A pair is a world, seed, episode and robot that both meet; where one has been tuned several times, each tuning
     makes a pair. A failure counts as worse than any arrival; pairs in which both fail are left out.
 
     Args:
-        reading: the study's results.
+        stored: the study's results.
         metric: the metric's name; less is better.
         select: the cells that are said to be better.
         than: the cells that they are compared with.
     """
-    rows = reading.pairs(select, than, each=True)
-    here, there = rows["outcome"] == "reached", rows["outcome_other"] == "reached"
-    rows, here, there = rows[here | there], here[here | there], there[here | there]
-    better = here & (~there | (rows[metric] < rows[f"{metric}_other"]))
-    return Measured.share(better.to_numpy())
-
-
-def share_ordered(reading: Reading, metric: str, labels: Sequence[str], select: Select) -> Measured | None:
-    """Return the share of worlds and tuning seeds in which a metric falls strictly from each label to the next.
-
-    Args:
-        reading: the study's results.
-        metric: the metric's name.
-        labels: from the one said to have the most to the one said to have the least.
-        select: which cells.
-    """
-    rows = reached(reading.select(**select))
-    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)
-    table = table.reindex(columns=list(labels)).dropna()
-    values = table.to_numpy()
-    return Measured.share(np.all(values[:, :-1] > values[:, 1:], axis=1))
-
-
-def share_reached(reading: Reading, select: Select) -> Measured | None:
-    """Return the share of robots that reached their goals."""
-    return Measured.share((reading.select(**select)["outcome"] == "reached").to_numpy())
-
-
-def share_with_outcome(reading: Reading, outcomes: Sequence[str], select: Select) -> Measured | None:
-    """Return the share of robots with one of some outcomes."""
-    return Measured.share(reading.select(**select)["outcome"].isin(list(outcomes)).to_numpy())
-
-
-def share_without_collision(reading: Reading, select: Select) -> Measured | None:
-    """Return the share of robots that touched nothing."""
-    return Measured.share((reading.select(**select)["collisions"] == 0).to_numpy())
-
-
-def share_as_good(reading: Reading, metric: str, select: Select, than: Select, margin: float) -> Measured | None:
-    """Return the share of pairs in which one controller reaches where the other does, and within a margin as well.
-
-    Args:
-        reading: the study's results.
-        metric: the metric's name; less is better.
-        select: the cells that are said to be as good.
-        than: the cells that they are compared with.
-        margin: how much more is as good, as a share of the other's metric.
-    """
-    rows = reading.pairs(select, than, each=True)
-    here, there = rows["outcome"] == "reached", rows["outcome_other"] == "reached"
-    close = here & there & (rows[metric] <= (1.0 + margin) * rows[f"{metric}_other"])
-    return Measured.share((close | ~there).to_numpy())
-
-
-def speed_range(reading: Reading, select: Select) -> Measured | None:
-    """Return the median forward speed over all control periods, with the least and the greatest [m/s]."""
-    rows = reading.select(**select)
-    speeds = [reading.trajectory(run_id)["v_mps"].to_numpy() for run_id in rows["run_id"].unique()]
-    return Measured.median(np.concatenate(speeds))
-
-
-def share_in_phases(reading: Reading, phases: Sequence[str], select: Select) -> Measured | None:
-    """Return the share of episodes that go through some phases in this order, others between them or not.
-
-    Args:
-        reading: the study's results.
-        phases: the phases' names (``navbench.analysis.phases``) in the order that the paper tells.
-        select: which cells.
-    """
-    held = [
-        is_within(phases, [phase.name for phase in phases_of(reading.way(row), row["outcome"])])
-        for row in reading.select(**select).to_dict("records")
-    ]
-    return Measured.share(held)
-
-
-def share_greater(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
-    """Return the share of pairs in which one controller's metric is greater than the other's, failures included.
-
-    Args:
-        reading: the study's results.
-        metric: the metric's name, such as "min_clearance_m".
-        select: the cells that are said to have more of it.
-        than: the cells that they are compared with.
-    """
-    rows = reading.pairs(select, than)
-    return Measured.share((rows[metric] > rows[f"{metric}_other"]).to_numpy())
-
-
-def share_of_worlds_safer(reading: Reading, select: Select, than: Select) -> Measured | None:
-    """Return the share of worlds in which more robots touch nothing, of the same starts, than of another controller.
-
-    Args:
-        reading: the study's results.
-        select: the cells that are said to be safer.
-        than: the cells that they are compared with.
-    """
-    rows = reading.pairs(select, than)
-    free = (rows[["collisions", "collisions_other"]] == 0).groupby(rows["world"]).sum()
-    return Measured.share((free["collisions"] > free["collisions_other"]).to_numpy())
-
-
-def difference_in_reached(reading: Reading, select: Select, than: Select) -> Measured | None:
-    """Return the paired difference of two shares that reached, with Newcombe's interval."""
-    rows = reading.pairs(select, than)
-    if rows.empty:
-        return None
-    return Measured.of(newcombe_paired(*(outcomes(rows)[side] for side in ("", "_other"))))
-
-
-def difference_in_time(reading: Reading, select: Select, than: Select) -> Measured | None:
-    """Return the paired difference of two mean times up to the time limit, failures at the limit [s].
-
-    Its interval is the bootstrap's, see ``statistics.restricted_mean_difference``.
-    """
-    rows = reading.pairs(select, than)
-    if rows.empty:
-        return None
+    rows = stored.pairs(select, than, each=True)
     here, there = outcomes(rows).values()
-    limits_s = {reading.time_limit_s(run_id) for run_id in {*rows["run_id"], *rows["run_id_other"]}}
-    if len(limits_s) != 1:
-        raise DescriptionError(f"{reading.results.path}: {select}: the worlds must share one time limit")
-    times_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
+    rows, here, there = rows[here | there], here[here | there], there[here | there]
+    better = here & (~there | (rows[metric] < rows[f"{metric}_other"]).to_numpy())
+    return share_of(better)
+
+
+def difference(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
+    """Return the paired difference of two controllers, the first less the second, with its 95 % interval.
+
+    Args:
+        stored: the study's results.
+        metric: "success", of episodes in which all robots reached, and "reached", of robots: the difference of two
+            shares, with Newcombe's interval; "time_s": of the mean times up to the time limit, failures at the limit;
+            any other metric: the median difference of the pairs in which both reached; both with the bootstrap's.
+        select: the cells of the first.
+        than: the cells of the second, over the same starts.
+    """
+    if metric == "success":
+        sides = [_fleets(stored, chosen) for chosen in (select, than)]
+        pairs = sides[0].merge(sides[1], on=["world", "seed", "episode"], suffixes=("", "_other"))
+        successes = (pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))
+        return None if pairs.empty else newcombe_paired(*successes)
+    pairs = stored.pairs(select, than)
+    if pairs.empty:
+        return None
+    here, there = outcomes(pairs).values()
+    if metric == "reached":
+        return newcombe_paired(here, there)
+    values = pairs[metric].to_numpy(), pairs[f"{metric}_other"].to_numpy()
     rng = np.random.default_rng(RESAMPLING_SEED)
-    return Measured.of(restricted_mean_difference(times_s[0], here, times_s[1], there, limits_s.pop(), rng))
+    if metric == "time_s":
+        return restricted_mean_difference(values[0], here, values[1], there, _limit_s(stored, pairs), rng)
+    both = here & there
+    return bootstrap_median((values[0] - values[1])[both], rng) if both.any() else None
 
 
-def not_comparable(reading: Reading) -> Measured | None:
-    """Return nothing: for a claim that compares what cannot be compared, as its statement says."""
-    return None
+def level(stored: StoredResults, metric: str, select: Select) -> float:
+    """Return the figure of one controller of which ``difference`` takes two."""
+    rows = stored.select(**select)
+    if metric == "success":
+        return float(fleets(rows)["success"].mean())
+    arrived = (rows["outcome"] == "reached").to_numpy()
+    if metric == "reached":
+        return float(arrived.mean())
+    if metric == "time_s":
+        rng = np.random.default_rng(RESAMPLING_SEED)
+        return restricted_mean(rows["time_s"].to_numpy(), arrived, _limit_s(stored, rows), rng).value
+    return float(rows[metric][arrived].median())
 
 
-def median_decrease(reading: Reading, metric: str, select: Select, than: Select) -> Measured | None:
-    """Return by how much a metric is less than another controller's, in percent: the median pair's, with the range.
-
-    Pairs are those in which both reached; where one has been tuned several times, each tuning makes a pair. An
-    increase is negative.
-
-    Args:
-        reading: the study's results.
-        metric: the metric's name.
-        select: the cells that are said to have less.
-        than: the cells that they are compared with.
-    """
-    rows = reading.pairs(select, than, each=True)
-    rows = rows[np.logical_and(*outcomes(rows).values())]
-    return Measured.median(100.0 * (1.0 - rows[metric] / rows[f"{metric}_other"]))
-
-
-def least_cost(reading: Reading, tunings: Sequence[str]) -> Measured | None:
-    """Return the median, over some tunings and their seeds, of the least cost that was found, with its range."""
-    rows = reading.evaluations
-    costs = rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].min()
-    return Measured.median(costs.to_numpy())
-
-
-def share_at_bound(reading: Reading, parameter: str, tunings: Sequence[str]) -> Measured | None:
-    """Return the share of some tunings whose best value of a parameter lies within 1 % of the range at its upper end.
+def described_value(stored: StoredResults, table: str, column: str, where: Select) -> Estimate | None:
+    """Return the one value of a described table in the row that matches.
 
     Args:
-        reading: the study's results.
-        parameter: the parameter that was searched.
-        tunings: the tunings' names.
+        stored: the study's results.
+        table: the table's name, such as "sflc-rules".
+        column: which of its columns.
+        where: a value for each column that tells the row.
     """
-    rows = reading.evaluations
-    best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
-    tunable = next(t for t in reading.manifest["tunings"] if t["name"] in tunings)["configuration"]["tunable"]
-    low, high = tunable[parameter]["low"], tunable[parameter]["high"]
-    return Measured.share((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
+    value = stored.described_value(table, column, where)
+    return Estimate(value, value, value, 1)
 
 
-def measure(reading: Reading, name: str, arguments: Mapping[str, Any]) -> Measured | None:
-    """Return what a named measure says."""
-    found: Measured | None = MEASURES[name](reading, **arguments)
-    return found
+def described_is_less(stored: StoredResults, table: str, column: str, where: Select, than: Select) -> Estimate | None:
+    """Return 1 where a value of a described table is less than that in another row, see ``described_value``."""
+    return share_of([stored.described_value(table, column, where) < stored.described_value(table, column, than)])
 
 
-def check_measure(key: str, spec: Mapping[str, Any]) -> None:
-    """Check that a claim's measure exists and takes these arguments.
-
-    Raises:
-        DescriptionError: it does not; the message names what is allowed.
-    """
-    name = str(spec.get("name"))
-    if name not in MEASURES:
-        raise DescriptionError(f"{key}.name={name!r}: there is no such measure; allowed: {', '.join(MEASURES)}")
-    allowed = list(inspect.signature(MEASURES[name]).parameters)[1:]
-    for given in spec:
-        if given != "name" and given not in allowed:
-            raise DescriptionError(f"{key}.{given}: unknown key; {name} takes {', '.join(allowed)}")
-    for needed in allowed:
-        if needed not in spec:
-            raise DescriptionError(f"{key}.{needed}: missing; {name} takes {', '.join(allowed)}")
+def _fleets(stored: StoredResults, select: Select) -> "pd.DataFrame":
+    """Return one row an episode with the names that make its pairs."""
+    rows = stored.select(**select)
+    return fleets(rows).merge(rows[["run_id", "world", "seed"]].drop_duplicates(), on="run_id")
 
 
-def _straight_m(world: DrawnWorld, robot_index: int) -> float:
-    start, goal = world.starts[robot_index], world.goals[robot_index]
-    return math.hypot(goal.x_m - start.x_m, goal.y_m - start.y_m) - world.goal_tolerance_m
-
-
-MEASURES: Mapping[str, Callable[..., Measured | None]] = {
-    function.__name__: function
-    for function in (
-        median,
-        median_ratio,
-        median_over_straight,
-        share_better,
-        share_ordered,
-        share_reached,
-        share_with_outcome,
-        share_without_collision,
-        share_as_good,
-        share_greater,
-        share_of_worlds_safer,
-        speed_range,
-        share_in_phases,
-        difference_in_reached,
-        difference_in_time,
-        not_comparable,
-        median_decrease,
-        least_cost,
-        share_at_bound,
-        *description_measures.MEASURES,
-        *trace_measures.MEASURES,
-        *path_measures.MEASURES,
-        *fleet_measures.MEASURES,
-    )
-}
+def _limit_s(stored: StoredResults, rows: "pd.DataFrame") -> float:
+    """Return the time limit of all worlds of some rows or pairs [s]."""
+    runs = {run_id for column in ("run_id", "run_id_other") if column in rows for run_id in rows[column]}
+    limits_s = {stored.time_limit_s(run_id) for run_id in runs}
+    if len(limits_s) != 1:
+        worlds = ", ".join(sorted(set(rows["world"])))
+        raise DescriptionError(f"{stored.results.path}: {worlds}: the worlds must share one time limit")
+    return float(limits_s.pop())

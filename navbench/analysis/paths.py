@@ -1,4 +1,4 @@
-"""What the pictures of ways share: how they are cut, and words beside places that cover neither ways nor obstacles."""
+"""What the pictures of paths share: how they are cut, and words beside places that cover nothing else."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-MARGIN_RADII = 3.0  # of a picture around the ways that it shows
+MARGIN_RADII = 3.0  # of a picture around the paths that it shows
 LEAST_RATIO = 0.4  # of the shorter side of a picture to its longer one
 SIDES = 16  # of a place, on which a word may stand
 BESIDE_POINTS = (12.0, 19.0, 28.0)  # from a place to the middle of the word beside it: where there is room first
@@ -23,19 +23,19 @@ LETTER_POINTS = 3.0  # half a letter's width
 POINTS_PER_INCH = 72.0
 
 
-def cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float, square: bool = True) -> float:
-    """Cut a picture to a rectangle around the ways, and no further than it reached; return its height over its width.
+def cut(ax: "Axes", trajectories: Sequence["pd.DataFrame"], radius_m: float, square: bool = True) -> float:
+    """Cut a picture to a rectangle around the paths, and no further than it reached; return its height over its width.
 
     Args:
         ax: the picture of a world.
-        ways: trajectories.
-        radius_m: the robots' radius; 3 of them are left around the ways [m].
-        square: whether the picture is a square, as panels of one size are, or as narrow as its ways.
+        trajectories: trajectories.
+        radius_m: the robots' radius; 3 of them are left around the paths [m].
+        square: whether the picture is a square, as panels of one size are, or as narrow as its paths.
     """
     limits = []
     for name, (low, high) in (("x_m", ax.get_xlim()), ("y_m", ax.get_ylim())):
-        least = min(way[name].min() for way in ways) - MARGIN_RADII * radius_m
-        most = max(way[name].max() for way in ways) + MARGIN_RADII * radius_m
+        least = min(trajectory[name].min() for trajectory in trajectories) - MARGIN_RADII * radius_m
+        most = max(trajectory[name].max() for trajectory in trajectories) + MARGIN_RADII * radius_m
         limits.append((max(least, low), min(most, high)))
     longest = max(high - low for low, high in limits)
     sides = [longest if square else max(high - low, LEAST_RATIO * longest) for low, high in limits]
@@ -47,36 +47,39 @@ def cut(ax: "Axes", ways: Sequence["pd.DataFrame"], radius_m: float, square: boo
 
 
 def number_places(
-    ax: "Axes", numbered: Sequence[tuple[int, float, float]], near_m: float, ways: Sequence["pd.DataFrame"]
+    ax: "Axes", numbered: Sequence[tuple[int, float, float]], near_m: float, trajectories: Sequence["pd.DataFrame"]
 ) -> None:
-    """Mark places by strokes across their way and write their numbers beside them, those of one place together.
+    """Mark places by strokes across their path and write their numbers beside them, those of one place together.
 
     Args:
         ax: where to write, with everything else in its place.
         numbered: each number with its x [m] and y [m].
         near_m: what lies nearer than this to a place's first number stands with it [m].
-        ways: the trajectories that the numbers do not cover.
+        trajectories: the trajectories that the numbers do not cover.
     """
     places: dict[tuple[float, float], list[str]] = {}
-    driven = np.concatenate([way[["x_m", "y_m", "heading_rad"]].to_numpy() for way in ways])
+    driven = np.concatenate([trajectory[["x_m", "y_m", "heading_rad"]].to_numpy() for trajectory in trajectories])
     for i, x_m, y_m in numbered:
         heading_rad = driven[np.argmin(np.hypot(*(driven[:, :2] - (x_m, y_m)).T)), 2]
         stroke = (2, 2, float(np.degrees(heading_rad)))
         ax.plot(x_m, y_m, marker=stroke, color="black", markersize=11, markeredgewidth=0.9, zorder=8)
         near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < near_m), (x_m, y_m))
         places.setdefault(near, []).append(str(i))
-    write_beside(ax, [(place, ", ".join(names)) for place, names in places.items()], ways)
+    write_beside(ax, [(place, ", ".join(names)) for place, names in places.items()], trajectories)
 
 
 def write_beside(
-    ax: "Axes", words: Sequence[tuple[tuple[float, float], str]], ways: Sequence["pd.DataFrame"], radius_m: float = 0.0
+    ax: "Axes",
+    words: Sequence[tuple[tuple[float, float], str]],
+    trajectories: Sequence["pd.DataFrame"],
+    radius_m: float = 0.0,
 ) -> None:
-    """Write words beside places, each near, and on the side that is farthest from ways, obstacles and other words.
+    """Write words beside places, each near, and on the side that is farthest from paths, obstacles and other words.
 
     Args:
         ax: where to write, with everything else in its place.
         words: each place's x, y [m] and its word.
-        ways: the trajectories.
+        trajectories: the trajectories.
         radius_m: of what stands around each place [m].
     """
     from matplotlib.patheffects import Stroke
@@ -86,7 +89,9 @@ def write_beside(
     point = figure.dpi / POINTS_PER_INCH
     radius = float(np.diff(ax.transData.transform([(0.0, 0.0), (radius_m, 0.0)])[:, 0])[0])
     solid = [patch.get_path().transformed(patch.get_transform()) for patch in ax.patches]
-    taken = ax.transData.transform(np.concatenate([way[["x_m", "y_m"]].to_numpy() for way in ways]))
+    taken = ax.transData.transform(
+        np.concatenate([trajectory[["x_m", "y_m"]].to_numpy() for trajectory in trajectories])
+    )
     for (x_m, y_m), word in words:
         place = ax.transData.transform((x_m, y_m))
         width = LETTER_POINTS * point * len(word)

@@ -16,9 +16,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
+SELECTABLE = (  # what chooses cells or robots; "cell" is a study's name of some cells
+    *("cell", "label", "tuning", "tuning_seed", "controller", "world", "robot", "sensors", "simulator"),
+    *("seed", "episode", "robot_index"),
+)
 
 
-class Reading:
+class StoredResults:
     """A results directory, read once.
 
     Args:
@@ -32,7 +36,7 @@ class Reading:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
-        return Reading, (self.results,)
+        return StoredResults, (self.results,)
 
     @cached_property
     def episodes(self) -> "pd.DataFrame":
@@ -42,17 +46,19 @@ class Reading:
         """
         return self.cells.merge(self.results.episodes(), on="run_id")
 
-    def trajectory(self, run_id: str) -> "pd.DataFrame":
+    def trajectories(self, run_id: str) -> "pd.DataFrame":
         """Return the trajectories of one run."""
         if run_id not in self._trajectories:
             self._trajectories[run_id] = self.results.trajectories(run_id)
         return self._trajectories[run_id]
 
-    def way(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
+    def trajectory(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
         """Return the trajectory that belongs to a row of the table of episodes."""
-        ways = self.trajectory(row["run_id"])
-        way: pd.DataFrame = ways[(ways["episode"] == row["episode"]) & (ways["robot_index"] == row["robot_index"])]
-        return way
+        trajectories = self.trajectories(row["run_id"])
+        trajectory: pd.DataFrame = trajectories[
+            (trajectories["episode"] == row["episode"]) & (trajectories["robot_index"] == row["robot_index"])
+        ]
+        return trajectory
 
     @cached_property
     def evaluations(self) -> "pd.DataFrame":
@@ -67,6 +73,41 @@ class Reading:
     def descriptions(self) -> "dict[str, pd.DataFrame]":
         """The tables that controllers offered of themselves, by name."""
         return self.results.descriptions()
+
+    def described(self, table: str, *columns: str) -> "pd.DataFrame":
+        """Return a table that a controller offered of itself.
+
+        Raises:
+            DescriptionError: there is no such table, or it has no such column.
+        """
+        if table not in self.descriptions:
+            allowed = ", ".join(self.descriptions) or "none"
+            raise DescriptionError(f"{self.results.path}: no description {table!r}; there are: {allowed}")
+        rows = self.descriptions[table]
+        for column in columns:
+            if column not in rows.columns:
+                allowed = ", ".join(rows.columns)
+                raise DescriptionError(f"{self.results.path}: {table}: no column {column!r}; there are: {allowed}")
+        return rows
+
+    def described_rows(self, table: str, where: Mapping[str, Any]) -> "pd.DataFrame":
+        """Return the rows of a described table that have these values in these columns."""
+        rows = self.described(table, *where)
+        for name, value in where.items():
+            rows = rows[rows[name] == value]
+        return rows
+
+    def described_value(self, table: str, column: str, where: Mapping[str, Any]) -> float:
+        """Return the value of a described table in the one row that matches.
+
+        Raises:
+            DescriptionError: as ``described``, or not exactly one row matches.
+        """
+        self.described(table, column)
+        rows = self.described_rows(table, where)
+        if len(rows) != 1:
+            raise DescriptionError(f"{self.results.path}: {table}: {len(rows)} rows match {dict(where)}, not one")
+        return float(rows[column].iloc[0])
 
     @cached_property
     def cells(self) -> "pd.DataFrame":

@@ -17,7 +17,7 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench tune controller=pid tuner=pso world=no_deadlock
                                                     search a controller's parameters for the least cost
   navbench study aouf2019                           reproduce a paper, number beside number, into results/aouf2019
-  navbench report DIR... [out=DIR]                  rebuild tables and figures from results, and run nothing
+  navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, and run nothing
   navbench report join=results                      join the reports in that directory into its README.md
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each

@@ -9,8 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.analysis.claims import Claim
-from navbench.analysis.measures import check_measure
+from navbench.analysis.claims import check_claims
 from navbench.cli.building import made
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
 from navbench.cli.configuration import cell_of, without
@@ -92,16 +91,17 @@ class StudyFile:
         summary: what the report says first, in Markdown.
         tunings: what it searches.
         cells: what it runs.
-        claims: what a paper prints, to hold the results against.
-        report: the report's sections, in order: each a function of ``navbench.report.sections`` with its arguments.
+        claims: what a paper prints, to hold the results against, or what the study asks: ``Claim``s by their ids.
+        report: the report's sections, in order: each one's name (of ``navbench.report.sections``, or dotted), or a
+            mapping with its ``name`` and its arguments.
     """
 
     title: str
     summary: str = ""
     tunings: tuple[TuningSpec, ...] = ()
     cells: tuple[CellSpec, ...]
-    claims: tuple[Claim, ...] = ()
-    report: tuple[Mapping[str, Any], ...] = ()
+    claims: Mapping[str, Mapping[str, Any]] | None = None
+    report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
 def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = None) -> tuple[Tuning, Path, int | None]:
@@ -126,10 +126,9 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
     with composing(config_dir) as composer:
         values = composer.study(name)
         file = describe(StudyFile, values, f"study/{name}")
-        for i, claim in enumerate(file.claims):
-            check_measure(f"study/{name}.claims[{i}].measure", claim.measure)
+        asked = check_claims(f"study/{name}.claims", file.claims)
         for i, section in enumerate(file.report):
-            check_section(f"study/{name}.report[{i}]", section)
+            check_section(f"study/{name}.report[{i}]", section, trust=True)
         tunings = tuple(
             tuning
             for i, spec in enumerate(file.tunings)
@@ -144,7 +143,7 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
             own = [tuning for tuning in tunings if tuning.name == spec.tuning]
             cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
     content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
-    check_references(f"study/{name}", content, cells)
+    check_references(f"study/{name}", {"claims": asked, "report": values.get("report")}, cells)
     return Plan(cells=tuple(cells), tunings=tunings, study={"name": name, **content})
 
 

@@ -67,7 +67,7 @@ def tune(arguments: Sequence[str]) -> int:
         "name": f"tune {tuning.name}",
         "title": f"{tuning.name} tuned",
         "summary": "",
-        "claims": [],
+        "claims": {},
         "report": [],
     }
     plan = Plan(cells=(*untuned, *tuned), tunings=(tuning,), study=content)

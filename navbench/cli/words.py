@@ -11,7 +11,7 @@ from navbench.cli.catalogue import check_folder
 from navbench.validation import DescriptionError
 
 RESUME = "resume=other-code"
-FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c"}  # beside -h, --help
+FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c", "--trust": "--trust"}  # beside -h, --help
 
 
 class Words(NamedTuple):
@@ -25,6 +25,7 @@ class Words(NamedTuple):
         cfg: whether ``--cfg job`` was given.
         help: whether ``--help`` was given.
         other_code: whether ``resume=other-code`` was given.
+        trust: whether ``--trust`` was given.
     """
 
     names: list[str]
@@ -34,6 +35,7 @@ class Words(NamedTuple):
     cfg: bool
     help: bool
     other_code: bool
+    trust: bool
 
 
 def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",)) -> Words:
@@ -51,8 +53,8 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
     parser.add_argument("words", nargs="*")
     parser.add_argument("-h", "--help", action="store_true")
     for flag in flags:
-        if flag == "--multirun":
-            parser.add_argument(flag, "-m", action="store_true")
+        if flag in ("--multirun", "--trust"):
+            parser.add_argument(flag, FLAGS[flag], action="store_true")
         else:
             parser.add_argument(flag, FLAGS[flag], choices=("job",) if flag == "--cfg" else None)
     given, unknown = parser.parse_known_intermixed_args(list(arguments))
@@ -73,6 +75,7 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
         cfg=getattr(given, "cfg", None) is not None,
         help=given.help,
         other_code=RESUME in overrides,
+        trust=getattr(given, "trust", False),
     )
 
 

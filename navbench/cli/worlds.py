@@ -54,7 +54,7 @@ def source_of(key: str, build: Any, methods: tuple[str, ...] = DRAWS) -> Any:
     if not is_dataclass(target):
         return made(key, build, methods)
     parameters = {name: _inner(f"{key}.{name}", value) for name, value in build.items() if name != "_target_"}
-    check_keys(parameters, key, [item.name for item in fields(target) if item.init])
+    check_keys(build, key, ("_target_", *(item.name for item in fields(target) if item.init)))
     return describe(target, parameters, key)
 
 

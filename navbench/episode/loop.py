@@ -169,7 +169,8 @@ class EpisodeRunner:
         ends = {event.robot_index: event for event in events}
         after = simulator.states()
         for i in active:
-            pilot, (x, y, heading, *_) = pilots[i], before[i]
+            pilot, robot = pilots[i], before[i]
+            x, y, heading = robot.x_m, robot.y_m, robot.heading_rad
             if pilot.outcome == "controller_error":
                 pilot.states.append((t_s, x, y, heading, 0.0, 0.0))
                 pilot.end_s = t_s
@@ -209,8 +210,8 @@ class EpisodeRunner:
             simulator.stop(index)
 
     def _record(self, index: int, pilot: _Pilot, robot: RobotState) -> RobotRecord:
-        last = pilot.states[-1] if pilot.states else (0.0,) * 6
-        states = np.array([*pilot.states, (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, *last[4:])])
+        *_, v, w = pilot.states[-1] if pilot.states else (0.0, 0.0)
+        states = np.array([*pilot.states, (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, v, w)])
         names = pilot.trace_names or ()
         traces = np.full((len(states), len(names)), np.nan)
         if names:

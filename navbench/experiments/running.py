@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 from navbench.experiments.cells import EPISODES, Cell, digest
 from navbench.experiments.code import code_of, commit, roots_of
 from navbench.experiments.engines import Work, run
+from navbench.experiments.files import discard_empty, existing
 from navbench.experiments.plan import Plan, batches_of_all
-from navbench.experiments.store import Results, batch_name, discard_empty, existing, tuning_name, unfinished_name
+from navbench.experiments.store import Results, batch_name, tuning_name, unfinished_name
 from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, run_tuning
 from navbench.records import TuningKey
 from navbench.validation import DescriptionError

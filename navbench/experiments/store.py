@@ -6,7 +6,6 @@ that was finished, and the same work writes the same bytes.
 
 import hashlib
 import json
-import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -14,8 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from navbench.experiments.files import Replacing, discard_empty
+from navbench.experiments.rows import latency_table, trajectory_table
 from navbench.records import CellKey, Names, RobotRecord, TuningKey
 from navbench.validation import DescriptionError
 from navbench.world.layout import layout_id
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 1
 PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "hydra-core", "scipy")
 CODE = b"navbench.code"  # under which a part names the code that made it
-STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
 
 
 class ResultsError(DescriptionError):
@@ -178,9 +176,9 @@ class Results:
         ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
         name = batch_name(cell, episodes)
         ids = self._write_layouts(ordered)
-        self._write_table(f"latency/{name}", _latency_table(cell, ordered), code)
+        self._write_table(f"latency/{name}", latency_table(cell, ordered), code)
         if trajectories:
-            self._write_table(f"trajectories/{name}", _trajectory_table(cell, ordered), code)
+            self._write_table(f"trajectories/{name}", trajectory_table(cell, ordered), code)
         self._write_table(f"episodes/{name}", _episode_table(cell, ordered, ids), code)
 
     def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> dict[int, str]:
@@ -300,47 +298,15 @@ class Results:
 
         if code:
             table = table.replace_schema_metadata({CODE: code})
-        with _Replacing(self.path / name) as temporary:
+        with Replacing(self.path / name) as temporary:
             pq.write_table(table, temporary, compression="zstd")
 
     def _write_json(self, name: str, value: Mapping[str, Any]) -> None:
         self._write(name, (json.dumps(value, indent=2) + "\n").encode())
 
     def _write(self, name: str, content: bytes) -> None:
-        with _Replacing(self.path / name) as temporary:
+        with Replacing(self.path / name) as temporary:
             temporary.write_bytes(content)
-
-
-class _Replacing:
-    """Gives a temporary file beside the wanted one, and renames it when all went well."""
-
-    def __init__(self, file: Path) -> None:
-        self._file = file
-        self._temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-
-    def __enter__(self) -> Path:
-        self._file.parent.mkdir(parents=True, exist_ok=True)
-        return self._temporary
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is None:
-            os.replace(self._temporary, self._file)
-        else:
-            self._temporary.unlink(missing_ok=True)
-
-
-def existing(path: Path) -> Path:
-    """Return the nearest directory at or above a path that is there."""
-    path = path.absolute()
-    return next(folder for folder in (path, *path.parents) if os.path.isdir(folder))
-
-
-def discard_empty(path: Path, there: Path) -> None:
-    """Remove a directory that holds nothing, and those above it that then hold nothing, below one that was there."""
-    path = path.absolute()
-    while path != there and there in path.parents and path.is_dir() and not any(path.iterdir()):
-        path.rmdir()
-        path = path.parent
 
 
 def _table_of(file: Path) -> "pa.Table":
@@ -412,50 +378,7 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], la
     return pa.Table.from_pylist(rows)
 
 
-def _trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
-    import pyarrow as pa
-
-    lengths = [len(record.states) for _, record in records]
-    columns: dict[str, Any] = {
-        "run_id": pa.array([cell.run_id] * sum(lengths), pa.string()),
-        "episode": np.repeat([episode for episode, _ in records], lengths),
-        "robot_index": np.repeat([record.robot_index for _, record in records], lengths),
-    }
-    states = np.concatenate([record.states for _, record in records])
-    columns |= {name: states[:, i] for i, name in enumerate(STATES)}
-    for name in dict.fromkeys(name for _, record in records for name in record.trace_names):
-        column = f"trace_{name}" if name in columns else str(name)  # a trace never hides a column of the trajectory
-        columns[column] = np.concatenate([_trace(record, name) for _, record in records])
-    return pa.table(columns)
-
-
-def _trace(record: RobotRecord, name: str) -> Any:
-    if name in record.trace_names:
-        return record.traces[:, record.trace_names.index(name)]
-    return np.full(len(record.states), np.nan)
-
-
-def _latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
-    import pyarrow as pa
-
-    rows = []
-    for episode, record in records:
-        times = record.latencies_s if len(record.latencies_s) else np.array([np.nan])
-        rows.append(
-            {
-                "run_id": cell.run_id,
-                "episode": episode,
-                "robot_index": record.robot_index,
-                "acts": len(record.latencies_s),
-                "act_median_s": float(np.median(times)),
-                "act_p99_s": float(np.quantile(times, 0.99)),
-                "act_max_s": float(times.max()),
-            }
-        )
-    return pa.Table.from_pylist(rows)
-
-
 def write_table(file: Path, text: str) -> None:
     """Write a table beside results, whole or not at all."""
-    with _Replacing(file) as temporary:
+    with Replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -22,8 +22,8 @@ RESAMPLES = 9999
 ROUNDING = 1e-12  # times that differ by less than this part of the time limit are the same
 
 
-class Interval(NamedTuple):
-    """A value between its limits, in the unit of what it measures.
+class Estimate(NamedTuple):
+    """A figure between its limits, in the unit of what it measures.
 
     Attributes:
         value: the estimate.
@@ -51,7 +51,7 @@ class WinRatio(NamedTuple):
     wins: int
     losses: int
     ties: int
-    ratio: Interval
+    ratio: Estimate
 
 
 class Significance(NamedTuple):
@@ -84,7 +84,7 @@ class Ranking(NamedTuple):
     n: int
 
 
-def wilson(successes: int, n: int, *, confidence: float = CONFIDENCE) -> Interval:
+def wilson(successes: int, n: int, *, confidence: float = CONFIDENCE) -> Estimate:
     """Return a share with the score interval of Wilson (1927), J. Am. Stat. Assoc. 22:209-212.
 
     It stays within [0, 1], and says something at 0 and n too. No continuity correction.
@@ -104,10 +104,10 @@ def wilson(successes: int, n: int, *, confidence: float = CONFIDENCE) -> Interva
     half = math.sqrt(z2 * (p * (1.0 - p) / n + z2 / (4 * n * n)))
     low = 0.0 if successes == 0 else (centre - half) / (1.0 + z2 / n)
     high = 1.0 if successes == n else (centre + half) / (1.0 + z2 / n)
-    return Interval(p, low, high, int(n))
+    return Estimate(p, low, high, int(n))
 
 
-def share(cases: BoolArray, *, confidence: float = CONFIDENCE) -> Interval:
+def share(cases: BoolArray, *, confidence: float = CONFIDENCE) -> Estimate:
     """Return the share of cases that hold, with Wilson's interval.
 
     Args:
@@ -118,7 +118,7 @@ def share(cases: BoolArray, *, confidence: float = CONFIDENCE) -> Interval:
     return wilson(int(held.sum()), held.size, confidence=confidence)
 
 
-def newcombe_paired(a: BoolArray, b: BoolArray, *, confidence: float = CONFIDENCE) -> Interval:
+def newcombe_paired(a: BoolArray, b: BoolArray, *, confidence: float = CONFIDENCE) -> Estimate:
     """Return the difference of two paired shares, a's minus b's.
 
     The interval is method 10 of Newcombe (1998), "Improved confidence intervals for the difference between binomial
@@ -151,12 +151,12 @@ def newcombe_paired(a: BoolArray, b: BoolArray, *, confidence: float = CONFIDENC
     difference = (only_a - only_b) / n
     low = difference - added(of_a.value - of_a.low, of_b.high - of_b.value)
     high = difference + added(of_b.value - of_b.low, of_a.high - of_a.value)
-    return Interval(difference, low, high, n)
+    return Estimate(difference, low, high, n)
 
 
 def restricted_mean(
     times_s: FloatArray, reached: BoolArray, limit_s: float, rng: np.random.Generator, *, confidence: float = CONFIDENCE
-) -> Interval:
+) -> Estimate:
     """Return the mean time to the goal up to a limit [s], a failure counting as the limit, whenever it came.
 
     The restricted mean is that of Royston & Parmar (2013), BMC Med. Res. Methodol. 13:152, for the time to the goal; a
@@ -184,7 +184,7 @@ def restricted_mean_difference(
     rng: np.random.Generator,
     *,
     confidence: float = CONFIDENCE,
-) -> Interval:
+) -> Estimate:
     """Return the paired difference of two restricted means, a's minus b's [s]; below 0, a is quicker.
 
     Pairs are resampled whole, so that what the pairs share cancels. Sources and the interval as in
@@ -241,24 +241,24 @@ def win_ratio(
     losses = int((b & (~a | (a_s - b_s > tolerance_s))).sum())
     if wins + losses == 0:
         _normal_quantile(confidence)  # refuses a bad confidence, though nothing is left to estimate
-        return WinRatio(0, 0, n, Interval(math.nan, 0.0, math.inf, n))
+        return WinRatio(0, 0, n, Estimate(math.nan, 0.0, math.inf, n))
     won = wilson(wins, wins + losses, confidence=confidence)
     lost = wilson(losses, wins + losses, confidence=confidence)  # 1 - won, without its rounding near 1
-    ratio = Interval(_over(wins, losses), _over(won.low, lost.high), _over(won.high, lost.low), n)
+    ratio = Estimate(_over(wins, losses), _over(won.low, lost.high), _over(won.high, lost.low), n)
     return WinRatio(wins, losses, n - wins - losses, ratio)
 
 
-def median_and_range(values: FloatArray) -> Interval:
+def median_and_range(values: FloatArray) -> Estimate:
     """Return the median between the least and the greatest value; low and high are those, not confidence limits.
 
     Args:
         values: (n,) finite numbers, n >= 1.
     """
     x = _numbers("values", values)
-    return Interval(float(np.median(x)), float(x.min()), float(x.max()), x.size)
+    return Estimate(float(np.median(x)), float(x.min()), float(x.max()), x.size)
 
 
-def bootstrap_median(values: FloatArray, rng: np.random.Generator, *, confidence: float = CONFIDENCE) -> Interval:
+def bootstrap_median(values: FloatArray, rng: np.random.Generator, *, confidence: float = CONFIDENCE) -> Estimate:
     """Return the median with its percentile bootstrap interval.
 
     Percentile, not BCa: BCa's acceleration comes from the jackknife, which fails for the median (Efron & Tibshirani
@@ -322,12 +322,12 @@ def friedman(table: FloatArray) -> Ranking:
 
 def _bootstrapped(
     values: FloatArray, mean: Callable[..., Any], method: str, slack: float, rng: np.random.Generator, confidence: float
-) -> Interval:
+) -> Estimate:
     """Return a mean (or median) with its bootstrap interval, that alone where values differ by the slack at most."""
     _normal_quantile(confidence)
     if np.ptp(values) <= slack:
         value = float(values[0])  # their mean might be off by a bit
-        return Interval(value, value, value, values.size)
+        return Estimate(value, value, value, values.size)
     from scipy.stats import bootstrap
 
     limits = bootstrap(
@@ -340,7 +340,7 @@ def _bootstrapped(
         method=method,
         random_state=rng,
     ).confidence_interval
-    return Interval(float(mean(values)), float(limits.low), float(limits.high), values.size)
+    return Estimate(float(mean(values)), float(limits.low), float(limits.high), values.size)
 
 
 def _normal_quantile(confidence: float) -> float:

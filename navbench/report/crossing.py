@@ -1,26 +1,49 @@
-"""Sections of a report in which every controller meets every world: who arrives, how soon, by which way."""
+"""Sections of a report in which every controller meets every world: who arrives, how soon, by which path."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from navbench.analysis.fleets import fleets
-from navbench.analysis.stored import Reading, reached
-from navbench.experiments.store import write_table
-from navbench.mathematics.statistics import Interval, share
-from navbench.report.figures import PALETTE, new_figure, save_figure
-from navbench.report.markup import MISSING, between, number, save_table
+from navbench.analysis.stored import reached
+from navbench.mathematics.statistics import Estimate, share
+from navbench.report.document import Block, Blocks, Column, Data, Heading, Table, number, words
+from navbench.report.figures import PALETTE, new_figure
+from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Select = Mapping[str, Any]
 Groups = Mapping[str, Sequence[str]]
 HOME = PALETTE[0]
 GAP = 0.35  # between two groups of worlds in the picture, in columns
+EVERY = (
+    "drawn_for",
+    "world",
+    "label",
+    "success",
+    "low",
+    "high",
+    "episodes",
+    "reached",
+    "robots",
+    "time_s",
+    "path_length_m",
+)
+TABLES = {
+    "success": "Episodes in which all robots reached [95 % interval]",
+    "time": "Median time of the robots that reached [s]",
+    "length": "Median length of their paths [m]",
+}
+SHARES = (
+    Column("panel", "panel"),
+    Column("of", "drawn_for"),
+    Column("world", "world"),
+    Column("controller", "label"),
+    Column("success", "success", decimals=3),
+)
 DARK = 0.55  # shares above this are drawn so dark that their number is white
 
 
@@ -35,112 +58,83 @@ class Crossing(NamedTuple):
         arrived: how many robots reached.
         robots: of how many.
         time_s: the median time of those [s]; nan where none reached.
-        length_m: the median length of their ways [m]; nan where none reached.
+        length_m: the median length of their paths [m]; nan where none reached.
     """
 
     group: str
     world: str
     label: str
-    success: Interval
+    success: Estimate
     arrived: int
     robots: int
     time_s: float
     length_m: float
 
 
-def crossed_tables(reading: Reading, out: Path, *, file: str, select: Select, groups: Groups) -> str:
-    """Return who arrives in which world, with the median time and length of those, a row a world.
+def crossed_tables(page: Page, *, select: Select, groups: Groups) -> Blocks:
+    """Return who arrives in which world, with the median time and length of those, a row per world.
 
     An episode succeeds when all its robots reach, so that its success is one case, however many robots drive. Time and
     length are medians over the robots that reached, in the world's own units; how many did stands beside them.
 
     Args:
-        reading: the study's results.
-        out: the report's directory.
-        file: the files' name.
         select: which cells.
         groups: whose worlds they are, and the worlds.
     """
-    import pandas as pd
-
-    found = _crossings(reading, select, groups)
-    labels = _labels(reading, found)
-    told = {
-        "success": ("Episodes in which all robots reached [95 % interval]", _success),
-        "time": ("Median time of the robots that reached [s]", lambda c: _median(c, c.time_s, 1)),
-        "length": ("Median length of their ways [m]", lambda c: _median(c, c.length_m, 2)),
-    }
-    columns = {
-        "success": lambda c: [*c.success],
-        "time": lambda c: [c.time_s, c.arrived, c.robots],
-        "length": lambda c: [c.length_m, c.arrived, c.robots],
-    }
-    names = {"success": ["success", "low", "high", "episodes"], "time": ["time_s", "reached", "robots"]}
-    names["length"] = ["path_length_m", "reached", "robots"]
-    whole = [[c.group, c.world, c.label, *c.success, c.arrived, c.robots, c.time_s, c.length_m] for c in found]
-    every = ["drawn_for", "world", "label", *names["success"], "reached", "robots", "time_s", "path_length_m"]
-    together = pd.DataFrame(whole, columns=every)
-    write_table(out / "tables" / f"{file}.csv", together.to_csv(index=False))
-    parts = [f"All in one table, a row for each controller in each world: [CSV](tables/{file}.csv)\n"]
-    for kind, (title, words) in told.items():
-        raw = [[c.group, c.world, c.label, *columns[kind](c)] for c in found]
+    found = _crossings(page, select, groups)
+    labels = _labels(page, found)
+    by = {(c.world, c.label): c for c in found}
+    together = Data(EVERY, [[*c[:3], *c.success, *c[4:]] for c in found])
+    blocks: list[Block] = []
+    for kind, title in TABLES.items():
         rows = [
-            [group, world, *(words(next(c for c in found if (c.world, c.label) == (world, label))) for label in labels)]
+            [group, world, *(_told(kind, by[world, label]) for label in labels)]
             for group, worlds in groups.items()
             for world in worlds
         ]
-        table = pd.DataFrame(raw, columns=["drawn_for", "world", "label", *names[kind]])
-        parts.append(f"### {title}\n\n{save_table(out, f'{file}_{kind}', table, ['of', 'world', *labels], rows)}")
-    return "\n".join(parts)
+        columns = [Column("of"), Column("world"), *map(Column, labels)]
+        table = Table(f"{page.file}_{kind}", columns, rows, together, csv=f"tables/{page.file}.csv")
+        blocks += [Heading(title, 3), table]
+    return blocks
 
 
-def success_map(
-    reading: Reading,
-    out: Path,
-    *,
-    file: str,
-    caption: str,
-    panels: Mapping[str, Select],
-    groups: Groups,
-    home: Mapping[str, str],
-) -> str:
-    """Return the share of episodes in which all robots reached, as a picture: a row a controller, a column a world.
+def _told(kind: str, c: Crossing) -> str | None:
+    if kind == "success":
+        return words(c.success, "held", 2)
+    value, decimals = (c.time_s, 1) if kind == "time" else (c.length_m, 2)
+    return f"{number(value, decimals)} ({c.arrived} of {c.robots})" if c.arrived else None
+
+
+def success_map(page: Page, *, panels: Mapping[str, Select], groups: Groups, home: Mapping[str, str]) -> Blocks:
+    """Return the share of episodes in which all robots reached, as a picture: a row per controller, a column per world.
 
     Args:
-        reading: the study's results.
-        out: the report's directory.
-        file: the files' name.
-        caption: what the figure shows.
         panels: what each panel is called, and its cells; the panels stand below each other.
         groups: whose worlds they are, and the worlds.
         home: for a controller's label the group whose worlds are its own paper's; they are framed.
     """
-    import pandas as pd
-
     unknown = set(home.values()) - set(groups)
     if unknown:
         raise DescriptionError(f"home={sorted(unknown)[0]}: there is no such group; allowed: {', '.join(groups)}")
-    found = {title: _crossings(reading, select, groups) for title, select in panels.items()}
-    rows = {title: _labels(reading, crossings) for title, crossings in found.items()}
+    found = {title: _crossings(page, select, groups) for title, select in panels.items()}
+    rows = {title: _labels(page, crossings) for title, crossings in found.items()}
     heights = [len(labels) for labels in rows.values()]
     height = 0.34 * sum(heights) / len(heights) + 0.9
     figure, axes = new_figure(len(panels), 1, 11.5, height, height_ratios=heights)
     for i, (ax, title) in enumerate(zip(axes.ravel(), panels, strict=True)):
         _draw(ax, found[title], rows[title], groups, home, i == len(panels) - 1)
         ax.set_title(title, loc="left", pad=22, fontsize=11)
-    raw = [[title, c.group, c.world, c.label, *c.success] for title, crossings in found.items() for c in crossings]
-    names = ["panel", "drawn_for", "world", "label", "success", "low", "high", "episodes"]
-    write_table(out / "tables" / f"{file}.csv", pd.DataFrame(raw, columns=names).to_csv(index=False))
-    return f"{save_figure(figure, out, file, caption)}\n[CSV](tables/{file}.csv)\n"
+    rows_of_all = [[title, *c[:4]] for title, crossings in found.items() for c in crossings]
+    return [page.plot(figure), Table(page.file, SHARES, rows_of_all, title="The shares")]
 
 
-def _crossings(reading: Reading, select: Select, groups: Groups) -> list[Crossing]:
+def _crossings(page: Page, select: Select, groups: Groups) -> list[Crossing]:
     """Return every controller in every world, the worlds in the order of their groups."""
     found = []
     for group, worlds in groups.items():
         for world in worlds:
-            rows = reading.select(**select, world=world)
-            for label in (label for label in reading.labels if label in set(rows["label"])):
+            rows = page.stored.select(**select, world=world)
+            for label in (label for label in page.stored.labels if label in set(rows["label"])):
                 mine = rows[rows["label"] == label]
                 good = reached(mine)
                 success = share(fleets(mine)["success"].to_numpy(dtype=bool))
@@ -149,28 +143,19 @@ def _crossings(reading: Reading, select: Select, groups: Groups) -> list[Crossin
     return found
 
 
-def _labels(reading: Reading, found: Sequence[Crossing]) -> list[str]:
+def _labels(page: Page, found: Sequence[Crossing]) -> list[str]:
     """Return the controllers that met every world, in the study's order.
 
     Raises:
         DescriptionError: one of them met some worlds only.
     """
     worlds = {c.world for c in found}
-    labels = [label for label in reading.labels if label in {c.label for c in found}]
+    labels = [label for label in page.stored.labels if label in {c.label for c in found}]
     for label in labels:
         missing = worlds - {c.world for c in found if c.label == label}
         if missing:
             raise DescriptionError(f"select: {label} has no episodes in {', '.join(sorted(missing))}")
     return labels
-
-
-def _success(c: Crossing) -> str:
-    held = f"{round(c.success.value * c.success.n)} of {c.success.n}"
-    return f"{held} {between(c.success.low, c.success.high, 2)}"
-
-
-def _median(c: Crossing, value: float, decimals: int) -> str:
-    return f"{number(value, decimals)} ({c.arrived} of {c.robots})" if c.arrived else MISSING
 
 
 def _draw(

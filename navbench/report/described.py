@@ -1,62 +1,80 @@
-"""Sections of a report on the tables that controllers describe: surfaces over two inputs, and counts of long ones."""
+"""Sections of a report on the tables that controllers describe: fuzzy sets and rules."""
 
-from collections.abc import Sequence
-from pathlib import Path
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.stored import Reading
-from navbench.report.figures import new_figure, save_figure
-from navbench.report.markup import save_table
-from navbench.report.study_tables import description
+import numpy as np
 
-LEVELS = 10  # steps of colour
+from navbench.report.document import Blocks, Column
+from navbench.report.figures import PALETTE, new_figure
+from navbench.report.page import Page
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+ROUNDED = 1e-4  # of an axis: its ends are printed numbers
+NAMED_APART, EDGE = 0.04, 0.015  # of an axis: between the names of two sets, and from its end
 
 
-def surface_2d(
-    reading: Reading,
-    out: Path,
-    *,
-    file: str,
-    caption: str,
-    table: str,
-    x: str,
-    y: str,
-    value: str,
-) -> str:
-    """Return a described value over two others, as colours with lines of equal value.
+def rules(page: Page, *, table: str) -> Blocks:
+    """Return the rules that a controller offers of itself.
 
     Args:
-        reading: the study's results.
-        out: the report's directory.
-        file: the files' name.
-        caption: what the figure shows.
-        table: the name of the described table: a row a point of a grid.
-        x: its column that is drawn to the right.
-        y: its column that is drawn upwards.
-        value: its column that is drawn as a colour.
-    """
-    described = description(reading, table).pivot(index=y, columns=x, values=value)
-    across, up, values = described.columns.to_numpy(), described.index.to_numpy(), described.to_numpy()
-    figure, axes = new_figure(1, 1, 6.0, 4.2)
-    ax = axes[0, 0]
-    filled = ax.contourf(across, up, values, levels=LEVELS, cmap="viridis")
-    lines = ax.contour(across, up, values, levels=filled.levels, colors="white", linewidths=0.6)
-    ax.clabel(lines, fontsize=8)
-    ax.set(xlabel=x, ylabel=y)
-    figure.colorbar(filled, ax=ax, label=value)
-    return save_figure(figure, out, file, caption)
-
-
-def counts(reading: Reading, out: Path, *, file: str, table: str, by: Sequence[str]) -> str:
-    """Return how often each combination of some columns of a described table comes up; the CSV holds the whole table.
-
-    Args:
-        reading: the study's results.
-        out: the report's directory.
-        file: the files' name.
         table: the name of the described table.
-        by: the columns.
     """
-    described = description(reading, table)
-    counted = described.groupby(list(by), sort=True).size().reset_index(name="count")
-    headers = [name.replace("_", " ") for name in counted.columns]
-    return save_table(out, file, described, headers, counted.astype(str).to_numpy().tolist())
+    described = page.stored.described(table)
+    columns = [Column(name.replace("_", " "), name) for name in described.columns]
+    return [page.table(columns, described.astype(str).to_numpy().tolist())]
+
+
+def memberships(page: Page, *, table: str, axes: Mapping[str, Mapping[str, Any]]) -> Blocks:
+    """Return the fuzzy sets that a controller offers of itself, a panel per variable.
+
+    Args:
+        table: the name of the described table: variable, term, x, degree at the sets' corners.
+        axes: for each variable its ``title``, and the ``low`` and ``high`` end of what is shown; ``circle`` where
+            these are one direction, so that a set that leaves at one comes in at the other; ``saturates`` where values
+            beyond the sets belong to the outermost.
+    """
+    described = page.stored.described(table)
+    figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
+    for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
+        sets = described[described["variable"] == variable]
+        tops: list[tuple[float, str, str]] = []
+        near = ROUNDED * (axis["high"] - axis["low"])
+        for i, (term, corners) in enumerate(sets.groupby("term", sort=False)):
+            color = PALETTE[i % len(PALETTE)]
+            for x, degree in _shapes(corners, axis):
+                ax.plot(x, degree, color=color, linewidth=1.4)
+                top = x[degree > degree.max() - 1e-9]
+                if top.max() >= axis["low"] - near and top.min() <= axis["high"] + near:
+                    low, high = top.clip(axis["low"], axis["high"])[[0, -1]]
+                    tops.append((0.5 * (low + high), str(term), color))
+        _name_sets(ax, tops, axis["low"], axis["high"])
+        ax.set(xlim=(axis["low"], axis["high"]), ylim=(0.0, 1.3), xlabel=axis["title"], ylabel="degree")
+        ax.set_yticks([0.0, 0.5, 1.0])
+    return [page.plot(figure)]
+
+
+def _shapes(corners: "pd.DataFrame", axis: Mapping[str, Any]) -> list[tuple[Any, Any]]:
+    """Return a set's corners as (x, degree): on a circle also a turn before and behind, lest it break off at an end."""
+    x, degree = corners["x"].to_numpy(), corners["degree"].to_numpy()
+    if axis.get("saturates") and degree[0] == 1.0:
+        x, degree = np.append(min(x[0], axis["low"]), x), np.append(1.0, degree)
+    if axis.get("saturates") and degree[-1] == 1.0:
+        x, degree = np.append(x, max(x[-1], axis["high"])), np.append(degree, 1.0)
+    turn = axis["high"] - axis["low"]
+    return [(x + shift, degree) for shift in ((-turn, 0.0, turn) if axis.get("circle") else (0.0,))]
+
+
+def _name_sets(ax: "Axes", tops: Sequence[tuple[float, str, str]], low: float, high: float) -> None:
+    """Write each set's name over its top: within the frame, and higher where it would cover the one before."""
+    before, raised = -math.inf, False
+    for x, term, color in sorted(tops):
+        raised = not raised and x - before < NAMED_APART * (high - low)
+        side = "left" if x - low < EDGE * (high - low) else "right" if high - x < EDGE * (high - low) else "center"
+        offset = {"left": 2, "right": -2, "center": 0}[side], 13 if raised else 3
+        ax.annotate(term, (x, 1.0), offset, textcoords="offset points", ha=side, color=color, fontsize=9)
+        before = x

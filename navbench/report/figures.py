@@ -4,12 +4,12 @@ import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import Reading
+from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+Panel: TypeAlias = "tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame, pd.DataFrame]"
 
 OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
 MOVER_EDGE = "#5e3f96"
@@ -119,14 +120,35 @@ def new_figure(rows: int, columns: int, width: float, height: float, **shared: A
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
-def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
-    """Save a figure below ``figures/`` as PNG and SVG, the same bytes for the same figure, and return it in Markdown.
+def label_legend(
+    figure: "Figure", style: Mapping[str, Style], labels: Sequence[str], widths: Sequence[float], columns: int = 99
+) -> None:
+    """Explain below a figure which line is whose.
+
+    Args:
+        figure: the figure.
+        style: how each label is drawn.
+        labels: the labels.
+        widths: of their lines [points].
+        columns: how many stand side by side at most.
+    """
+    from matplotlib.lines import Line2D
+
+    lines = [
+        Line2D([], [], color=style[label].color, linewidth=width, label=label)
+        for label, width in zip(labels, widths, strict=True)
+    ]
+    count = min(len(labels), columns)
+    figure.legend(handles=lines, loc="outside lower center", ncols=count, frameon=False, handlelength=4.0)
+
+
+def save_figure(figure: "Figure", out: Path, stem: str) -> None:
+    """Save a figure below ``figures/`` as PNG and SVG, the same bytes for the same figure.
 
     Args:
         figure: the figure.
         out: the report's directory.
         stem: the files' name without its ending.
-        caption: what it shows.
     """
     import matplotlib
 
@@ -134,7 +156,6 @@ def save_figure(figure: "Figure", out: Path, stem: str, caption: str) -> str:
     with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
-    return f"![{caption}](figures/{stem}.png)\n\n*{caption}* [SVG](figures/{stem}.svg)\n"
 
 
 def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
@@ -145,23 +166,29 @@ def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None
         runs: the run_ids.
         file: where to save; its ending chooses the format.
     """
-    from matplotlib.figure import Figure
+    stored, episodes = StoredResults(results), results.episodes()
+    panels = [panel_of(stored, run, episodes[episodes["run_id"] == run]) for run in runs]
+    _save_whole(draw_cells(panels), file, {"Software": None} if file.suffix == ".png" else None)
 
-    reading, episodes = Reading(results), results.episodes()
-    panels = [
-        (reading.configuration(run), reading.world_in_common(run), episodes[episodes["run_id"] == run],
-         reading.trajectory(run))
-        for run in runs
-    ]  # fmt: skip
+
+def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Panel":
+    """Return what is drawn of a run: its entry in the manifest, what stands in all its episodes, and how they went.
+
+    Raises:
+        ResultsError: it keeps no trajectories.
+    """
+    return stored.configuration(run), stored.world_in_common(run), episodes, stored.trajectories(run)
+
+
+def draw_cells(panels: "Sequence[Panel]") -> "Figure":
+    """Return a figure with a panel per cell."""
     columns = min(3, len(panels))
-    rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(5.2 * columns, 5.4 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
-    for ax, panel in zip(axes, panels, strict=False):
+    figure, axes = new_figure(-(-len(panels) // columns), columns, 5.2, 5.4)
+    for ax, panel in zip(axes.ravel(), panels, strict=False):
         draw_cell(ax, *panel)
-    for ax in axes[len(panels) :]:
+    for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
-    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+    return figure
 
 
 def draw_cell(
@@ -171,7 +198,7 @@ def draw_cell(
     episodes: "pd.DataFrame",
     trajectories: "pd.DataFrame",
 ) -> None:
-    """Draw a world with the ways of all episodes, coloured by outcome.
+    """Draw a world with the paths of all episodes, coloured by outcome.
 
     Args:
         ax: where to draw.
@@ -184,12 +211,16 @@ def draw_cell(
     if world is not None:
         draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
-    for count, (key, way) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
+    for count, (key, trajectory) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
         if count == LINES_MAX:
             break
         colour = COLOURS[outcomes[key]]
-        ax.plot(way["x_m"], way["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4)
-        ax.add_patch(_circle(way["x_m"].iloc[-1], way["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour))
+        ax.plot(
+            trajectory["x_m"], trajectory["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4
+        )
+        ax.add_patch(
+            _circle(trajectory["x_m"].iloc[-1], trajectory["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour)
+        )
     for start in () if world is None else world.starts:
         ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
     seen = [name for name in COLOURS if name in set(outcomes.values())]
@@ -206,7 +237,7 @@ def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
     Args:
         ax: where to draw.
         world: what to draw.
-        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their ways.
+        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their paths.
     """
     from matplotlib.patches import Polygon
 

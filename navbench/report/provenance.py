@@ -2,41 +2,36 @@
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
-from navbench.analysis.stored import Reading
-from navbench.report.markup import MISSING, save_table
+from navbench.report.document import MISSING, Blocks, Column, Data, Paragraph
+from navbench.report.page import Page
 
 PARTS = ("controller", "world", "robot", "sensors", "simulator")
 KINDS = ("paper", "derived", "public", "tuned", "fitted", "assumed")
+COLUMNS = tuple(
+    map(Column, ("part", "name", "parameter", "value", "source", "which, or why", "another reader might take"))
+)
 LONGEST = 60  # of a value in the printed table; the CSV holds it whole
 
 
-def sources(reading: Reading, out: Path, *, file: str) -> str:
-    """Return every parameter of every controller, world, robot, sensor suite, simulator and tuner that was used.
-
-    Args:
-        reading: the study's results.
-        out: the report's directory.
-        file: the files' name.
-    """
-    import pandas as pd
-
-    raw = _joined([*_parts(reading.manifest), *_tuners(reading.manifest)])
-    counts = pd.Series([row["source"] for row in raw]).value_counts()
+def sources(page: Page) -> Blocks:
+    """Return every parameter of every controller, world, robot, sensor suite, simulator and tuner that was used."""
+    manifest = page.stored.manifest
+    raw = _joined([*_parts(manifest), *_tuners(manifest)])
+    counts = Counter(row["source"] for row in raw)
     told = ", ".join(f"{counts[kind]} {kind}" for kind in (*KINDS, MISSING) if kind in counts)
     rows = []
     for row in raw:
         value = re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", row["value"])
         value = value if len(value) <= LONGEST else value[: LONGEST - 1] + "…"
-        varied = f" (also {row['also']})" if row["also"] else ""
-        named = [row["part"], row["name"], row["parameter"], value + varied]
-        rows.append([*named, row["source"], row["why"], row["range"]])
-    headers = ["part", "name", "parameter", "value", "source", "which, or why", "another reader might take"]
-    table = save_table(out, file, pd.DataFrame(raw), headers, rows)
-    return f"{len(raw)} parameters by source: {told}.\n\n{table}"
+        rows.append(list(row.values()))
+        rows[-1][3] = value + (f" (also {row['also']})" if row["also"] else "")
+        del rows[-1][4]
+    data = Data(list(raw[0]), [list(row.values()) for row in raw])
+    return [Paragraph(f"{len(raw)} parameters by source: {told}."), page.table(COLUMNS, rows, data)]
 
 
 def _parts(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:

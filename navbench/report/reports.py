@@ -1,90 +1,112 @@
 """Reports of stored results: what a study found beside what its paper prints, or what some runs did; runs nothing."""
 
 import json
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from navbench.analysis.stored import Reading
-from navbench.experiments.store import Results, ResultsError, write_table
-from navbench.report.figures import draw_cell, new_figure, save_figure
-from navbench.report.markup import markdown
-from navbench.report.sections import check_section, write_section
-from navbench.report.tables import failures, summarize, to_markdown
-from navbench.validation import DescriptionError
+from navbench.analysis.stored import StoredResults
+from navbench.experiments.store import Results, write_table
+from navbench.report import latex, markdown
+from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
+from navbench.report.page import Page
+from navbench.report.runs import Joined, sections_of
+from navbench.report.sections import Spec, build_section, check_section, named
 
-Each = Callable[[Callable[[Mapping[str, Any]], str], Sequence[Mapping[str, Any]]], Iterable[str]]
+Each = Callable[[Callable[[Spec | str], list[Block]], Sequence[Spec | str]], Iterable[list[Block]]]
 
-PANELS = 12  # a figure of more cells cannot be read
 NAMED = ("run_id", "config_hash", "name", "label", "tuning", "tuning_seed")
 WHERE = ("controller", "world", "robot", "sensors", "simulator", "episodes", "seed")
 TUNED = ("tuning_id", "config_hash", "name", "tuner", "objective", "controller", "worlds", "seed", "budget")
 
 
-def write_report(runs: Sequence[Results], out: Path, each: Each = map) -> list[Path]:
+def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bool = False) -> list[Path]:
     """Write a report of some results directories, and return the files that it consists of.
 
-    A study that says what its report holds gets that report: ``report.md``, ``claims.csv``, ``tables/``, ``figures/``
-    and a small ``manifest.json``. Runs, sweeps and other studies get one report together. Where there are several
-    reports, each stands in a folder of its study's name, and ``report.md`` links to them.
+    A study that says what its report holds gets that report: ``report.md``, ``findings.json``, ``claims.csv``,
+    ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other studies get one report together.
+    Where there are several reports, each stands in a folder of its study's name, and ``report.md`` links to them.
 
     Args:
         runs: the results directories.
         out: the report's directory.
-        each: writes the sections of a study's report, which do not hang on each other: ``map``, or what does the same
-            in several processes.
+        each: builds the sections of a study's report, which do not depend on each other: ``map``, or what does the
+            same in several processes.
+        trust: whether sections and measures outside navbench may be run.
 
     Raises:
-        DescriptionError: there are no results, or a study asks for what they do not hold.
+        DescriptionError: there are no results, a study asks for what they do not hold, or names what is not trusted.
     """
-    readings = [Reading(results) for results in runs]
-    studies = {r.manifest["study"]["name"]: r for r in readings if (r.manifest["study"] or {}).get("report")}
-    others = [reading for reading in readings if reading not in studies.values()]
+    every = [StoredResults(results) for results in runs]
+    studies = {r.manifest["study"]["name"]: r for r in every if (r.manifest["study"] or {}).get("report")}
+    others = [stored for stored in every if stored not in studies.values()]
     if len(studies) == 1 and not others:
-        return _finish(out, _study(next(iter(studies.values())), out, each))
-    text, files = "", []
-    for name, reading in studies.items():
-        files += _finish(out / name, _study(reading, out / name, each))
-        text += f"- [{reading.manifest['study']['title']}]({name}/report.md)\n"
-    if others:
-        text = f"{_runs(others, out)}\n{text}"
-    else:
-        text = f"# Reports\n\n{text}"
-    return [*_finish(out, text), *files]
+        return _study(next(iter(studies.values())), out, each, trust)
+    files: list[Path] = []
+    links = []
+    for name, stored in studies.items():
+        files += _study(stored, out / name, each, trust)
+        links.append(Link(stored.manifest["study"]["title"], f"{name}/report.md"))
+    document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
+    joined = write_document(Document(document.title, [*document.blocks, *links]), out)
+    return list(dict.fromkeys([*joined, *files]))
 
 
-def _study(reading: Reading, out: Path, each: Each) -> str:
-    """Write the sections of a study's report, and return it in Markdown."""
-    study = reading.manifest["study"]
+def _study(stored: StoredResults, out: Path, each: Each, trust: bool) -> list[Path]:
+    """Write a study's report and return its files."""
+    study, manifest = stored.manifest["study"], stored.manifest
     for i, spec in enumerate(study["report"]):
-        check_section(f"report[{i}]", spec)
-    parts = [f"# {study['title']}\n"]
-    if study.get("summary"):
-        parts.append(study["summary"].strip() + "\n")
-    parts += each(partial(write_section, reading, out), study["report"])
-    parts.append(_making(reading.manifest))
-    write_table(out / "manifest.json", json.dumps(_small(reading.manifest), indent=1) + "\n")
-    return "\n".join(parts)
+        check_section(f"report[{i}]", spec, trust)
+    page = Page(stored, out, trust=trust)
+    blocks = [block for built in each(partial(build_section, page), study["report"]) for block in built]
+    errata = [item for spec in map(named, study["report"]) if spec["name"] == "errata" for item in spec["items"]]
+    document = Document(study["title"], [*blocks, *_making(manifest)], study.get("summary") or "", errata)
+    write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
+    findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
+    write_table(out / "findings.json", findings)
+    return [*write_document(document, out), out / "findings.json"]
 
 
-def _making(manifest: Mapping[str, Any]) -> str:
+def _runs(runs: Sequence[Results], out: Path) -> Document:
+    """Return the report of runs without a study's report."""
+    page = Page(StoredResults(Joined(runs)), out)
+    blocks = [block for spec in sections_of(page.stored) for block in build_section(page, spec)]
+    count = len(page.stored.manifest["cells"])
+    return Document(f"Results of {count} cells" if count != 1 else "Results of one cell", blocks)
+
+
+def write_document(document: Document, out: Path) -> list[Path]:
+    """Write a report and its tables, and return its files; the plots are there."""
+    import pandas as pd
+
+    for table in (block for block in document.blocks if isinstance(block, Table) and block.file):
+        raw = table.raw
+        write_table(out / table.files["CSV"], pd.DataFrame(raw.rows, columns=list(raw.names)).to_csv(index=False))
+        write_table(out / table.files["LaTeX"], latex.render(table))
+    write_table(out / "report.md", markdown.render(document))
+    return [out / "report.md", *(out / name for name in document.files)]
+
+
+def _making(manifest: Mapping[str, Any]) -> list[Block]:
     """Return how a study's results were made."""
     name = manifest["study"]["name"]
     cells, tunings = manifest["cells"], manifest["tunings"]
     episodes = sum({cell["run_id"]: cell["episodes"] for cell in cells}.values())
-    seeds = sorted({cell["seed"] for cell in cells})
-    lines = [f"`navbench study {name}` runs it all and writes this report; `navbench report outputs/study/{name}` "]
-    lines += ["writes the report again from stored results, and runs nothing. Measured: "]
-    lines += [f"{episodes} episodes in {len({cell['run_id'] for cell in cells})} cells, seed {_words(seeds)}"]
+    seeds = _words(sorted({cell["seed"] for cell in cells}))
+    tuned = ""
     if tunings:
         evaluations = sum(tuning["budget"] for tuning in tunings)
-        tuning_seeds = sorted({tuning["seed"] for tuning in tunings})
-        lines += [f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {_words(tuning_seeds)}"]
+        tuning_seeds = _words(sorted({tuning["seed"] for tuning in tunings}))
+        tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
+    text = (
+        f"`navbench study {name}` runs it all and writes this report; `navbench report outputs/study/{name}` writes "
+        f"the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
+        f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
+    )
     versions = {"Python": manifest["python"], **manifest["versions"]}
-    table = markdown(["", "version"], [[name, version] for name, version in versions.items()])
-    return f"## How it was made\n\n{''.join(lines)}, on {manifest['platform']}. [Manifest](manifest.json)\n\n{table}"
+    table = Table("", [Column(""), Column("version")], [list(pair) for pair in versions.items()])
+    return [Heading("How it was made"), Paragraph(text), Link("Manifest", "manifest.json"), table]
 
 
 def _words(numbers: Sequence[int]) -> str:
@@ -94,65 +116,11 @@ def _words(numbers: Sequence[int]) -> str:
 
 
 def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest without configurations (their hashes stay) and without times, and of the report the errata."""
-    study = manifest["study"]
-    errata = [item for section in study["report"] if section["name"] == "errata" for item in section["items"]]
+    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline."""
     kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended")}
     return {
         **kept,
-        "study": {"name": study["name"], "title": study["title"], "summary": study["summary"] or "", "errata": errata},
+        "study": {key: manifest["study"][key] for key in ("name", "title")},
         "cells": [{key: cell[key] for key in (*NAMED, *WHERE)} for cell in manifest["cells"]],
         "tunings": [{key: tuning[key] for key in TUNED} for tuning in manifest["tunings"]],
     }
-
-
-def _runs(readings: Sequence[Reading], out: Path) -> str:
-    """Write the tables and figures of runs without a study's report, and return the report in Markdown."""
-    import pandas as pd
-
-    episodes = pd.concat([reading.results.episodes() for reading in readings], ignore_index=True)
-    episodes = episodes.drop_duplicates(["run_id", "episode", "robot_index"], ignore_index=True)
-    summary = summarize(episodes)
-    write_table(out / "tables" / "summary.csv", summary.to_csv(index=False))
-    parts = [f"# Results of {len(summary)} cells\n" if len(summary) != 1 else "# Results of one cell\n"]
-    parts.append("A row a cell; means are over the robots that reached, and over no others.\n")
-    parts.append(to_markdown(summary) + "\n[CSV](tables/summary.csv)\n")
-    failed = failures(episodes, at_most=20)
-    if failed:
-        parts.append("## Failures\n\n" + "".join(f"- {line}\n" for line in failed))
-    parts += _ways(readings, out)
-    return "\n".join(parts)
-
-
-def _ways(readings: Sequence[Reading], out: Path) -> list[str]:
-    """Return the figures of trajectories, a panel a cell of which they are kept."""
-    panels = []
-    for reading in readings:
-        for run_id in dict.fromkeys(cell["run_id"] for cell in reading.manifest["cells"]):
-            episodes = reading.results.episodes()
-            try:
-                reading.trajectory(run_id)
-            except ResultsError:  # a cell that keeps none
-                continue
-            panels.append((reading, reading.configuration(run_id), episodes[episodes["run_id"] == run_id]))
-    parts = []
-    for page in range(0, len(panels), PANELS):
-        shown = panels[page : page + PANELS]
-        columns = min(3, len(shown))
-        figure, axes = new_figure(-(-len(shown) // columns), columns, 5.2, 5.4)
-        for ax in axes.ravel()[len(shown) :]:
-            ax.set_axis_off()
-        for ax, (reading, cell, episodes) in zip(axes.ravel(), shown, strict=False):
-            draw_cell(ax, cell, reading.world_in_common(cell["run_id"]), episodes, reading.trajectory(cell["run_id"]))
-        parts.append(save_figure(figure, out, f"trajectories_{page // PANELS + 1}", "Trajectories, a panel a cell."))
-    return ["## Trajectories\n", *parts] if parts else []
-
-
-def _finish(out: Path, text: str) -> list[Path]:
-    """Write a report and return its files: those that it links to below its directory, and itself."""
-    write_table(out / "report.md", text)
-    linked = dict.fromkeys(re.findall(r"\]\(((?:tables/|figures/)?[\w.-]+)\)", text))
-    missing = [name for name in linked if not (out / name).is_file()]
-    if missing:
-        raise DescriptionError(f"{out / 'report.md'}: links to what is not there: {', '.join(missing)}")
-    return [out / "report.md", *(out / name for name in linked)]

@@ -1,91 +1,92 @@
-"""The sections of a report: functions by name, each from stored results to Markdown, tables and figures.
-
-A section is ``function(reading, out, **arguments) -> str``: it writes below ``out`` and returns Markdown whose links
-are relative to it. A study's file names it and gives its arguments, with a ``title`` and, where wanted, a ``text`` in
-front.
-"""
+"""The sections that a report's outline may name by one word; others it names by their dotted names."""
 
 import inspect
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from typing import Any, TypeAlias
 
-from navbench.analysis.stored import Reading
-from navbench.report.comparison import fair_comparison
+from navbench.analysis.resolving import resolve
+from navbench.report.claims import errata, findings, printed_table, verdicts
+from navbench.report.comparison import comparison
 from navbench.report.convergence import tuners_compared
 from navbench.report.crossing import crossed_tables, success_map
-from navbench.report.described import counts, surface_2d
-from navbench.report.evolution import evolution, gains, rules_compared
-from navbench.report.fleet_figures import fleet_table, frames, wheel_velocities
+from navbench.report.described import memberships, rules
+from navbench.report.document import Block, Heading, Paragraph
+from navbench.report.outcomes import fleet_table, outcomes_table, robustness
+from navbench.report.page import Page, Section
 from navbench.report.provenance import sources
-from navbench.report.robustness import robustness
-from navbench.report.run_figures import spells_on_the_way, time_series
-from navbench.report.study_figures import memberships, phases, surface, trajectories, velocities
-from navbench.report.study_tables import claims, errata, findings, outcomes_table, printed_table, rules
+from navbench.report.tables import failed, summary
+from navbench.report.trajectories import frames, time_series, trajectories
+from navbench.report.wheels import wheel_velocities
 from navbench.validation import DescriptionError
 
-SECTIONS: Mapping[str, Callable[..., str]] = {
-    function.__name__: function
-    for function in (
-        findings,
-        claims,
-        printed_table,
-        outcomes_table,
-        trajectories,
-        velocities,
-        phases,
-        memberships,
-        rules,
-        counts,
-        surface,
-        surface_2d,
-        tuners_compared,
-        evolution,
-        gains,
-        rules_compared,
-        frames,
-        wheel_velocities,
-        fleet_table,
-        time_series,
-        spells_on_the_way,
-        robustness,
-        success_map,
-        crossed_tables,
-        fair_comparison,
-        sources,
-        errata,
-    )
+Spec: TypeAlias = Mapping[str, Any]
+SECTIONS: Mapping[str, Section] = {
+    "findings": findings,
+    "verdicts": verdicts,
+    "printed_table": printed_table,
+    "summary": summary,
+    "comparison": comparison,
+    "failures": failed,
+    "outcomes_table": outcomes_table,
+    "fleet_table": fleet_table,
+    "robustness": robustness,
+    "trajectories": trajectories,
+    "frames": frames,
+    "time_series": time_series,
+    "wheel_velocities": wheel_velocities,
+    "memberships": memberships,
+    "rules": rules,
+    "tuners_compared": tuners_compared,
+    "success_map": success_map,
+    "crossed_tables": crossed_tables,
+    "sources": sources,
+    "errata": errata,
 }
-OWN = ("name", "title", "text")  # the keys that every section has
+COMMON = ("title", "text", "file", "caption")
 
 
-def write_section(reading: Reading, out: Path, spec: Mapping[str, Any]) -> str:
-    """Write a section's tables and figures, and return it in Markdown under its heading.
-
-    Args:
-        reading: the study's results.
-        out: the report's directory.
-        spec: its name, title, text and arguments.
-    """
-    arguments = {key: value for key, value in spec.items() if key not in OWN}
-    text = f"{spec['text'].strip()}\n\n" if spec.get("text") else ""
-    return f"## {spec['title']}\n\n{text}{SECTIONS[spec['name']](reading, out, **arguments)}"
+def named(spec: Spec | str) -> Spec:
+    """Return a section's entry in an outline in full; a name alone takes no arguments."""
+    return {"name": spec} if isinstance(spec, str) else spec
 
 
-def check_section(key: str, spec: Mapping[str, Any]) -> None:
-    """Check that a section exists and takes these arguments.
+def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
+    """Return a section's function, and check that it takes these arguments.
 
     Raises:
-        DescriptionError: it does not; the message names what is allowed.
+        DescriptionError: there is no such section, or it does not; the message names what is allowed.
     """
+    spec = named(spec)
     name = str(spec.get("name"))
-    if name not in SECTIONS:
-        raise DescriptionError(f"{key}.name={name!r}: there is no such section; allowed: {', '.join(SECTIONS)}")
-    parameters = dict(list(inspect.signature(SECTIONS[name]).parameters.items())[2:])
-    allowed = ", ".join((*OWN[1:], *parameters))
+    if "." not in name and name not in SECTIONS:
+        near = get_close_matches(name, SECTIONS, 1)
+        hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(SECTIONS)}, or module.function"
+        raise DescriptionError(f"{key}.name={name}: there is no such section; {hint}")
+    section = SECTIONS.get(name) or resolve(f"{key}.name", name, "", trust=trust)
+    parameters = dict(list(inspect.signature(section).parameters.items())[1:])
+    allowed = ", ".join((*COMMON, *parameters))
     for given in spec:
-        if given not in OWN and given not in parameters:
+        if given not in ("name", *COMMON, *parameters):
             raise DescriptionError(f"{key}.{given}: unknown key; {name} takes {allowed}")
-    for needed, parameter in {"title": None, **parameters}.items():
-        if needed not in spec and (parameter is None or parameter.default is inspect.Parameter.empty):
+    for needed, parameter in parameters.items():
+        if needed not in spec and parameter.default is inspect.Parameter.empty:
             raise DescriptionError(f"{key}.{needed}: missing; {name} takes {allowed}")
+    return section
+
+
+def build_section(page: Page, spec: Spec | str) -> list[Block]:
+    """Return what a section consists of, under its heading.
+
+    Args:
+        spec: the section's entry in the outline.
+    """
+    spec = named(spec)
+    section = check_section("report", spec, page.trust)
+    name = str(spec["name"]).rpartition(".")[2]
+    arguments = {key: value for key, value in spec.items() if key not in ("name", *COMMON)}
+    title = spec.get("title") or name.replace("_", " ").capitalize()
+    text = [Paragraph(spec["text"])] if spec.get("text") else []
+    here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
+    return [Heading(title), *text, *section(here, **arguments)]

@@ -1,9 +1,12 @@
 """Tables of stored results: a row a cell, every mean beside how many robots it is a mean of."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fleets import fleets
+from navbench.mathematics.statistics import wilson
+from navbench.report.document import Blocks, Column, Lines, Paragraph, number
+from navbench.report.page import Page
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +24,9 @@ MEANS = (
 FAILURES = ("collided", "timed_out", "controller_error", "no_layout")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
 FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
+COUNTS = {"reached": "of", "fleets": "episodes"}  # counts, and of how many
+UNITS = {"m": "m", "s": "s", "mps": "m/s", "rad": "rad"}
+SUMMED = ("collisions", *MEANS, *FAILURES, "makespan_s")
 WHERE_MANY = ("sensors", "simulator", "seed")  # printed where a table's cells differ in them
 
 
@@ -34,9 +40,9 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
         episodes: the table of episodes.
 
     Returns:
-        Columns controller, world, robot, sensors, simulator, seed, reached ("n of N"), collisions (the sum over all
+        Columns controller, world, robot, sensors, simulator, seed, reached of how many, collisions (the sum over all
         robots), a mean of each metric, how many failed in each way (see ``FAILURES``); and robots
-        (how many drive together), fleets ("n of N" episodes in which all reached) and the mean makespan_s of those.
+        (how many drive together), fleets (episodes in which all reached), episodes and the mean makespan_s of those.
     """
     import pandas as pd
 
@@ -44,13 +50,13 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
     for run_id, group in episodes.groupby("run_id", sort=False):
         reached = group[group["outcome"] == "reached"]
         row = {key: group[key].iloc[0] for key in KEYS}
-        row["reached"] = f"{len(reached)} of {len(group)}"
+        row |= {"reached": len(reached), "of": len(group)}
         row["collisions"] = int(group["collisions"].sum())
         row |= {name: reached[name].mean() for name in MEANS}
         row |= {name: int((group["outcome"] == name).sum()) for name in FAILURES}
         row |= _fleet_columns(group)
         rows.append({**row, "run_id": run_id})
-    return pd.DataFrame(rows).sort_values([*KEYS, "run_id"], kind="stable", ignore_index=True)
+    return pd.DataFrame(rows)
 
 
 def to_text(summary: "pd.DataFrame") -> str:
@@ -59,7 +65,7 @@ def to_text(summary: "pd.DataFrame") -> str:
     Where several robots drive together, what the fleets did is printed too. Sensors, simulator and seed are printed
     where they differ, and so is every column that is not ``summarize``'s own.
     """
-    usual = {*KEYS, "reached", "collisions", *MEANS, *FAILURES, "robots", *FLEET, "run_id"}
+    usual = {*KEYS, "reached", "of", "collisions", *MEANS, *FAILURES, "robots", "episodes", *FLEET, "run_id"}
     more = [name for name in summary.columns if name not in usual]
     more += [name for name in WHERE_MANY if summary[name].nunique() > 1]
     many = FLEET if (summary["robots"] > 1).any() else ()
@@ -72,34 +78,65 @@ def _fleet_columns(group: "pd.DataFrame") -> dict[str, object]:
     won = table[table["success"]]
     return {
         "robots": int(table["robots"].max()),
-        "fleets": f"{len(won)} of {len(table)}",
+        "fleets": len(won),
+        "episodes": len(table),
         "makespan_s": won["makespan_s"].mean(),
     }
 
 
 def to_markdown(summary: "pd.DataFrame") -> str:
     """Return the whole table in Markdown; means are over the reached."""
-    return _table(summary, [name for name in summary.columns if name != "run_id"], "github") + "\n"
+    return (
+        _table(summary, [name for name in summary.columns if name not in ("run_id", *COUNTS.values())], "github") + "\n"
+    )
 
 
 def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
     """Return a line for each of the first robots that failed: which, how and why."""
     failed = episodes[episodes["outcome"] != "reached"]
     lines = [
-        f"{row['controller']} in {row['world']}, episode {row['episode']}, robot {row['robot_index']}: "
-        f"{row['outcome']} after {row['time_s']:.2f} s" + (f" ({row['reason']})" if row["reason"] else "")
+        f"{row['controller']} in {row['world']}, seed {row['seed']}, episode {row['episode']}, robot "
+        f"{row['robot_index']}: {row['outcome']} after {row['time_s']:.2f} s"
+        + (f" ({row['reason']})" if row["reason"] else "")
         for row in failed.head(at_most).to_dict("records")
     ]
     more = len(failed) - at_most
     return [*lines, f"... and {more} more"] if more > 0 else lines
 
 
+def summary(page: Page) -> Blocks:
+    """Return one row a cell: who arrived, and the means of those."""
+    cells = page.stored.cells.drop_duplicates("run_id")
+    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.episodes), on="run_id")
+    rows = []
+    for row in table.to_dict("records"):
+        arrived = wilson(row["reached"], row["of"])
+        rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in SUMMED)])
+    columns = [Column("world", "world"), Column("controller", "controller"), Column("seed", "seed")]
+    columns += [Column("reached", show="count"), Column("share", "reached", decimals=3)]
+    columns += [_column(name) for name in SUMMED]
+    return [
+        Paragraph("Means are over the robots that reached their goals, and over no others."),
+        page.table(columns, rows),
+    ]
+
+
+def failed(page: Page, *, at_most: int = 20) -> Blocks:
+    """Return the first robots that failed: which, how and why.
+
+    Args:
+        at_most: how many.
+    """
+    rows = page.stored.episodes.drop_duplicates(["run_id", "episode", "robot_index"])
+    return [Lines(failures(rows.assign(controller=rows["label"]), at_most) or ["No robot failed."])]
+
+
 def _table(summary: "pd.DataFrame", names: Sequence[str], form: str) -> str:
     from tabulate import tabulate
 
-    words = summary[list(names)].select_dtypes(exclude="number").columns
+    words = [name for name in names if summary[name].dtype.kind not in "biuf" or name in COUNTS]
     text: str = tabulate(
-        [[_cell(value) for value in row] for row in summary[list(names)].to_numpy(dtype=object).tolist()],
+        [[_cell(row, name) for name in names] for row in summary.to_dict("records")],
         headers=list(names),
         tablefmt=form,
         colalign=["left" if name in words else "right" for name in names],
@@ -108,8 +145,19 @@ def _table(summary: "pd.DataFrame", names: Sequence[str], form: str) -> str:
     return text
 
 
-def _cell(value: object) -> str:
-    """Return a table's entry: numbers to four digits, a missing mean as a dash."""
-    if isinstance(value, float):
-        return "-" if value != value else f"{value:.4g}"
-    return f"{value!s}"
+def _cell(row: Mapping[Any, Any], name: str) -> str:
+    """Return a table's entry: numbers to four digits, a missing mean as a dash, a count with of how many."""
+    return (
+        f"{row[name]} of {row[COUNTS[name]]}"
+        if name in COUNTS
+        else number(row[name])
+        if isinstance(row[name], float)
+        else str(row[name])
+    )
+
+
+def _column(name: str) -> Column:
+    """Return the column of a metric, whose name ends in its unit."""
+    word, _, unit = name.rpartition("_")
+    title = word if unit in UNITS else name
+    return Column(title.replace("_", " "), name, UNITS.get(unit, ""))

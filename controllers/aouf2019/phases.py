@@ -21,7 +21,7 @@ class Phase(NamedTuple):
     name: str
 
 
-def phases(way: "pd.DataFrame", outcome: str) -> list[Phase]:
+def phases(trajectory: "pd.DataFrame", outcome: str) -> list[Phase]:
     """Return the phases of one robot's trajectory, in the order in which they came about.
 
     "turn": the heading error's size falls below 0.1 rad for the first time, having been above at the start.
@@ -30,10 +30,10 @@ def phases(way: "pd.DataFrame", outcome: str) -> list[Phase]:
     "follow": wall following begins. "release": it ends. "reach": the goal is reached.
 
     Args:
-        way: the trajectory with the trace of ``controllers/aouf2019/equations.py``.
+        trajectory: with the trace of ``controllers/aouf2019/equations.py``.
         outcome: the robot's outcome.
     """
-    acted = way.iloc[:-1]  # at the end the controller acted no more
+    acted = trajectory.iloc[:-1]  # at the end the controller acted no more
     error_rad, behavior = acted["heading_error_rad"].to_numpy(), acted["behavior"].to_numpy()
     distance_m = acted["goal_distance_m"].to_numpy()
     happened: list[Phase] = []

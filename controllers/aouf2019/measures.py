@@ -1,0 +1,112 @@
+"""What only the claims about aouf2019 measure: phases of a run, orders of tunings, one speed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.stored import StoredResults, outcomes, reached
+from navbench.controllers.aouf2019.phases import is_within
+from navbench.controllers.aouf2019.phases import phases as phases_of
+from navbench.mathematics.statistics import Estimate
+from navbench.world.layout import DrawnWorld
+
+Select = Mapping[str, Any]
+
+
+def median_over_straight(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the median of path length over the straight line from start to goal, less the goal's tolerance."""
+    rows = reached(stored.select(**select))
+    ratios = [
+        row["path_length_m"] / _straight_m(stored.world(row["run_id"], row["episode"]), row["robot_index"])
+        for row in rows.to_dict("records")
+    ]
+    return median_of(ratios)
+
+
+def share_ordered(stored: StoredResults, metric: str, labels: Sequence[str], select: Select) -> Estimate | None:
+    """Return the share of worlds and tuning seeds in which a metric falls strictly from each label to the next.
+
+    Args:
+        stored: the study's results.
+        metric: the metric's name.
+        labels: from the one said to have the most to the one said to have the least.
+        select: which cells.
+    """
+    rows = reached(stored.select(**select))
+    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)
+    table = table.reindex(columns=list(labels)).dropna()
+    values = table.to_numpy()
+    return share_of(np.all(values[:, :-1] > values[:, 1:], axis=1))
+
+
+def share_with_outcome(stored: StoredResults, outcomes: Sequence[str], select: Select) -> Estimate | None:
+    """Return the share of robots with one of some outcomes."""
+    return share_of(stored.select(**select)["outcome"].isin(list(outcomes)).to_numpy())
+
+
+def share_as_good(stored: StoredResults, metric: str, select: Select, than: Select, margin: float) -> Estimate | None:
+    """Return the share of pairs in which one controller reaches where the other does, and within a margin as well.
+
+    Args:
+        stored: the study's results.
+        metric: the metric's name; less is better.
+        select: the cells that are said to be as good.
+        than: the cells that they are compared with.
+        margin: how much more is as good, as a share of the other's metric.
+    """
+    rows = stored.pairs(select, than, each=True)
+    here, there = outcomes(rows).values()
+    close = here & there & (rows[metric] <= (1.0 + margin) * rows[f"{metric}_other"]).to_numpy()
+    return share_of(close | ~there)
+
+
+def speed_range(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the median forward speed over all control periods, with the least and the greatest [m/s]."""
+    rows = stored.select(**select)
+    speeds = [stored.trajectories(run_id)["v_mps"].to_numpy() for run_id in rows["run_id"].unique()]
+    return median_of(np.concatenate(speeds))
+
+
+def share_in_phases(stored: StoredResults, phases: Sequence[str], select: Select) -> Estimate | None:
+    """Return the share of episodes that go through some phases in this order, others between them or not.
+
+    Args:
+        stored: the study's results.
+        phases: the phases' names (``navbench.controllers.aouf2019.phases``) in the order that the paper tells.
+        select: which cells.
+    """
+    held = [
+        is_within(phases, [phase.name for phase in phases_of(stored.trajectory(row), row["outcome"])])
+        for row in stored.select(**select).to_dict("records")
+    ]
+    return share_of(held)
+
+
+def least_cost(stored: StoredResults, tunings: Sequence[str]) -> Estimate | None:
+    """Return the median, over some tunings and their seeds, of the least cost that was found, with its range."""
+    rows = stored.evaluations
+    costs = rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].min()
+    return median_of(costs.to_numpy())
+
+
+def share_at_bound(stored: StoredResults, parameter: str, tunings: Sequence[str]) -> Estimate | None:
+    """Return the share of some tunings whose best value of a parameter lies within 1 % of the range at its upper end.
+
+    Args:
+        stored: the study's results.
+        parameter: the parameter that was searched.
+        tunings: the tunings' names.
+    """
+    rows = stored.evaluations
+    best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
+    tunable = next(t for t in stored.manifest["tunings"] if t["name"] in tunings)["configuration"]["tunable"]
+    low, high = tunable[parameter]["low"], tunable[parameter]["high"]
+    return share_of((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
+
+
+def _straight_m(world: DrawnWorld, robot_index: int) -> float:
+    start, goal = world.starts[robot_index], world.goals[robot_index]
+    return math.hypot(goal.x_m - start.x_m, goal.y_m - start.y_m) - world.goal_tolerance_m

@@ -1,0 +1,136 @@
+"""What only the claims about nemeiksis2019 measure: how agents take turns in a run, and how steadily it goes."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.stored import StoredResults, reached
+from navbench.analysis.traces import columns_of, spells
+from navbench.mathematics.statistics import Estimate
+
+Select = Mapping[str, Any]
+
+
+def median_periods(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the median number of control periods of the robots that reached, with its range."""
+    rows = reached(stored.select(**select)).to_dict("records")
+    return median_of([len(stored.trajectory(row)) - 1 for row in rows])
+
+
+def median_spread(stored: StoredResults, column: str, select: Select) -> Estimate | None:
+    """Return how far a column's values lie apart in an episode, the greatest less the least: the median episode's."""
+    return median_of([float(np.ptp(values)) for values in columns_of(stored, column, select)])
+
+
+def median_last(stored: StoredResults, column: str, select: Select) -> Estimate | None:
+    """Return a column's value in the last control period: the median episode's, with the range."""
+    return median_of([float(values[-1]) for values in columns_of(stored, column, select)])
+
+
+def share_of_periods_within(
+    stored: StoredResults, columns: Sequence[str], low: float, high: float, select: Select
+) -> Estimate | None:
+    """Return in what share of an episode's control periods all of some columns lie within a band.
+
+    The value is the median episode's, with the range: periods follow from one another and are no independent cases.
+
+    Args:
+        stored: the study's results.
+        columns: which columns.
+        low: the band's lower end, in it.
+        high: the band's upper end, in it.
+        select: which cells.
+    """
+    shares = []
+    for values in zip(*(columns_of(stored, column, select) for column in columns), strict=True):
+        shares.append(float(np.mean(np.all([(low <= one) & (one <= high) for one in values], axis=0))))
+    return median_of(shares)
+
+
+def share_of_periods_changing(stored: StoredResults, column: str, by: float, select: Select) -> Estimate | None:
+    """Return in what share of an episode's control periods a column differs from the one before, by more than this.
+
+    The value is the median episode's, with the range, see ``share_of_periods_within``.
+    """
+    changes = [np.abs(np.diff(values)) for values in columns_of(stored, column, select)]
+    return median_of([float(np.mean(change > by)) for change in changes])
+
+
+def share_never_rising(stored: StoredResults, column: str, slack: float, select: Select) -> Estimate | None:
+    """Return the share of episodes in which a column rises from no control period to the next by more than a slack."""
+    return share_of([bool((np.diff(values) <= slack).all()) for values in columns_of(stored, column, select)])
+
+
+def share_in_sequence(
+    stored: StoredResults, column: str, values: Sequence[float], least_periods: int, select: Select
+) -> Estimate | None:
+    """Return the share of episodes in which a column takes just these values, one after the other.
+
+    Args:
+        stored: the study's results.
+        column: the column, such as the active agent.
+        values: in the order that the paper tells.
+        least_periods: shorter spells do not count, and what they part is one spell.
+        select: which cells.
+    """
+    happened = [[s.value for s in spells(found, least_periods)] for found in columns_of(stored, column, select)]
+    return share_of([trajectory == list(values) for trajectory in happened])
+
+
+def median_changes(stored: StoredResults, column: str, select: Select) -> Estimate | None:
+    """Return how often a column changes its value in an episode: the median episode's, with the range."""
+    return median_of([int(np.count_nonzero(np.diff(values))) for values in columns_of(stored, column, select)])
+
+
+def share_jumping(
+    stored: StoredResults,
+    column: str,
+    switched: str,
+    value: float,
+    least_periods: int,
+    share_of_range: float,
+    select: Select,
+) -> Estimate | None:
+    """Return at what share of the switches a column's values change by much of all that they change by in the episode.
+
+    A switch is where a spell of one value, of some length at least, gives way to one of another. Looked at are as many
+    control periods before it and after it as a spell must have.
+
+    Args:
+        stored: the study's results.
+        column: the column that is said to jump.
+        switched: the column whose spells are looked at, such as the active agent.
+        value: only switches from or to this value of it count.
+        least_periods: shorter spells do not count, see ``share_in_sequence``.
+        share_of_range: this much of the episode's range, at least, is a jump.
+        select: which cells.
+    """
+    jumps = []
+    for found, agents in zip(columns_of(stored, column, select), columns_of(stored, switched, select), strict=True):
+        for before, after in itertools.pairwise(spells(agents, least_periods)):
+            if value in (before.value, after.value):
+                near = found[max(after.begin - least_periods, 0) : after.begin + least_periods]
+                jumps.append(bool(np.ptp(near) >= share_of_range * np.ptp(found)))
+    return share_of(jumps)
+
+
+def share_greater(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
+    """Return the share of pairs in which one controller's metric is greater than the other's, failures included.
+
+    Args:
+        stored: the study's results.
+        metric: the metric's name, such as "min_clearance_m".
+        select: the cells that are said to have more of it.
+        than: the cells that they are compared with.
+    """
+    rows = stored.pairs(select, than)
+    return share_of((rows[metric] > rows[f"{metric}_other"]).to_numpy())
+
+
+def described_count(stored: StoredResults, table: str, where: Select) -> Estimate | None:
+    """Return how many rows of a described table match, a value for each column; its n is how many there are."""
+    matching = float(len(stored.described_rows(table, where)))
+    return Estimate(matching, matching, matching, len(stored.described(table)))

@@ -1,0 +1,69 @@
+"""The sections of nemeiksis2019's report: which agent drives along the path, and how often described rows come up."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from navbench.analysis.paths import cut, number_places
+from navbench.analysis.traces import spells
+from navbench.report.document import Blocks, Column, Data
+from navbench.report.figures import PALETTE, draw_circle, draw_world, new_figure
+from navbench.report.page import Page, Select
+
+NEAR = 0.03  # of a picture's width: numbers of places nearer to each other stand together
+SIDE_INCHES, WORDS_INCHES = 6.0, 1.0  # the longer side of a picture of one path, and the words around it
+
+
+def spells_on_path(
+    page: Page, *, select: Select, column: str, values: Mapping[str, float], least_periods: int
+) -> Blocks:
+    """Return one run's path, coloured by the value of a column, and a table of its spells.
+
+    Args:
+        select: which cells; the first episode is drawn.
+        column: the column, such as the active agent.
+        values: what each of its values is called.
+        least_periods: shorter spells are drawn and left out of the table.
+    """
+    row = page.first(select)
+    path = page.stored.trajectory(row)
+    figure, axes = new_figure(1, 1, SIDE_INCHES, SIDE_INCHES)
+    ax = axes[0, 0]
+    draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
+    held = path[column].to_numpy()[:-1]
+    x_m, y_m = path["x_m"].to_numpy(), path["y_m"].to_numpy()
+    for i, (called, value) in enumerate(values.items()):
+        shown = np.append(held == value, False)
+        shown[1:] |= shown[:-1].copy()  # each piece reaches the beginning of the next
+        if shown.any():
+            drawn = np.where(shown, x_m, np.nan), np.where(shown, y_m, np.nan)
+            ax.plot(*drawn, color=PALETTE[i], linewidth=2.4, label=called)
+    names = {value: called for called, value in values.items()}
+    rows = [
+        [i, names[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
+        for i, spell in enumerate(spells(held, least_periods))
+    ]
+    robot = page.robot(row["run_id"])
+    ratio = cut(ax, [path], robot.radius_m, square=False)
+    figure.set_size_inches(SIDE_INCHES / max(ratio, 1.0) + WORDS_INCHES, SIDE_INCHES * min(ratio, 1.0) + WORDS_INCHES)
+    draw_circle(ax, x_m[0], y_m[0], robot.radius_m)
+    figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
+    left_m, right_m = ax.get_xlim()
+    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [path])
+    places = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
+    columns = [Column("", "number"), Column(column, column), *places, Column("periods", "periods")]
+    return [page.plot(figure), page.table(columns, rows)]
+
+
+def counts(page: Page, *, table: str, by: Sequence[str]) -> Blocks:
+    """Return how often each combination of some columns of a described table comes up; the CSV holds the whole table.
+
+    Args:
+        table: the name of the described table.
+        by: the columns.
+    """
+    described = page.stored.described(table)
+    counted = described.groupby(list(by), sort=True).size().reset_index(name="count")
+    columns = [Column(name.replace("_", " ")) for name in counted.columns]
+    data = Data(list(described.columns), described.to_numpy(dtype=object).tolist())
+    return [page.table(columns, counted.astype(str).to_numpy().tolist(), data)]

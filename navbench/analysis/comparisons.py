@@ -1,0 +1,76 @@
+"""Controllers beside each other over the same starts: who arrives, when, and against a reference start by start."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from navbench.analysis.measures import RESAMPLING_SEED
+from navbench.analysis.stored import StoredResults, outcomes, reached
+from navbench.mathematics.statistics import (
+    Estimate,
+    WinRatio,
+    median_and_range,
+    newcombe_paired,
+    restricted_mean,
+    restricted_mean_difference,
+    share,
+    win_ratio,
+)
+
+
+class Comparison(NamedTuple):
+    """One controller beside the reference, over the starts that both met.
+
+    Attributes:
+        label: what the controller is called.
+        reached: the share that reached.
+        reached_difference: less the reference's share; None of the reference itself, as below.
+        time_s: the mean time up to the limit, failures at the limit [s].
+        time_difference_s: less the reference's [s].
+        wins: against the reference.
+        length_m: the median length of those that reached, with the range [m]; None where none did.
+        shorter: of the pairs in which both reached, the share in which the path was shorter than the reference's.
+    """
+
+    label: str
+    reached: Estimate
+    reached_difference: Estimate | None
+    time_s: Estimate
+    time_difference_s: Estimate | None
+    wins: WinRatio | None
+    length_m: Estimate | None
+    shorter: Estimate | None
+
+
+def compare(stored: StoredResults, select: Mapping[str, Any], label: str, reference: str) -> Comparison | None:
+    """Return one controller beside the reference; None where they met no start in common.
+
+    Args:
+        stored: the stored results.
+        select: the cells of one world in which both are.
+        label: the controller's label.
+        reference: the reference's label.
+    """
+    rows = stored.pairs({**select, "label": label}, {**select, "label": reference})
+    if rows.empty:
+        return None
+    limit_s = stored.time_limit_s(rows["run_id"].iloc[0])
+    mine, other = outcomes(rows).values()
+    time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
+    lengths = reached(rows)["path_length_m"].to_numpy()
+    length_m = median_and_range(lengths) if len(lengths) else None
+    alone = share(mine), restricted_mean(time_s, mine, limit_s, np.random.default_rng(RESAMPLING_SEED))
+    if label == reference:
+        return Comparison(label, alone[0], None, alone[1], None, None, length_m, None)
+    both = rows[mine & other]
+    return Comparison(
+        label,
+        alone[0],
+        newcombe_paired(mine, other),
+        alone[1],
+        restricted_mean_difference(time_s, mine, other_s, other, limit_s, np.random.default_rng(RESAMPLING_SEED)),
+        win_ratio(time_s, mine, other_s, other),
+        length_m,
+        share((both["path_length_m"] < both["path_length_m_other"]).to_numpy()) if len(both) else None,
+    )

@@ -1,0 +1,80 @@
+"""Measures by name: found, their arguments checked, and asked.
+
+A measure and what it takes are written as one mapping, ``{metric: time_s, cell: printed, label: PSO-PID}``: keys that
+are parameters of the measure are its arguments, the others choose cells. ``than`` names the cells that these are
+compared with: a label, or what differs from the first ones.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from navbench.analysis.resolving import resolve
+from navbench.analysis.stored import SELECTABLE, StoredResults
+from navbench.mathematics.statistics import Estimate
+from navbench.validation import DescriptionError
+
+HOME = "navbench.analysis.measures"
+
+
+def measure(
+    stored: StoredResults, name: str, of: Mapping[str, Any], *, trust: bool = False, key: str = "measure"
+) -> Estimate | None:
+    """Return what a measure says; None where there is no case.
+
+    Args:
+        stored: the results.
+        name: a function of ``navbench.analysis.measures``, or any by its dotted name.
+        of: its arguments and the cells, see above.
+        trust: whether the function may lie outside ``navbench``.
+        key: where the name stands, for the error message.
+
+    Raises:
+        DescriptionError: as ``check_measure``, or the results hold no such cells.
+    """
+    function = check_measure(key, name, of, trust=trust)
+    found: Estimate | None = function(stored, **arguments(function, of))
+    return found
+
+
+def check_measure(key: str, name: str, of: Mapping[str, Any], *, trust: bool) -> Callable[..., Estimate | None]:
+    """Return the measure of a name, after checking that it takes these arguments.
+
+    Raises:
+        DescriptionError: there is no such measure, or an argument is unknown or missing.
+    """
+    function = resolve(key, str(name), HOME, trust=trust)
+    takes, *parameters = inspect.signature(function).parameters.values()
+    if takes.name != "stored":
+        raise DescriptionError(f"{key}={name}: is no measure: it does not take the stored results first")
+    known = [parameter.name for parameter in parameters]
+    choose = SELECTABLE if "select" in known else ()
+    allowed = ", ".join((*(word for word in known if word != "select"), *choose))
+    for word in of:
+        if word not in known and word not in choose:
+            raise DescriptionError(f"{key}: of.{word}: unknown key; {name} takes {allowed}")
+    given = {*of, "select"}
+    for parameter in parameters:
+        if parameter.name not in given and parameter.default is inspect.Parameter.empty:
+            raise DescriptionError(f"{key}: of.{parameter.name}: missing; {name} takes {allowed}")
+    return function
+
+
+def arguments(function: Callable[..., Any], of: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a measure, with the cells under ``select`` and ``than``."""
+    known = inspect.signature(function).parameters
+    found = {word: value for word, value in of.items() if word in known}
+    if "select" not in known:
+        return found
+    if "select" in of:  # cells as columns, and both sides in full
+        return found
+    found["select"] = _columns({word: value for word, value in of.items() if word not in known})
+    if "than" in found:
+        than = found["than"]
+        found["than"] = {**found["select"], **_columns({"label": than} if isinstance(than, str) else than)}
+    return found
+
+
+def _columns(cells: Mapping[str, Any]) -> dict[str, Any]:
+    """Return which columns choose cells: what a study calls a cell's name stands in the column ``name``."""
+    return {"name" if word == "cell" else word: value for word, value in cells.items()}

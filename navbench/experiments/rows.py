@@ -1,0 +1,58 @@
+"""What is kept of a batch as tables: a row for each control period, and one for how long a controller took."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navbench.records import CellKey, RobotRecord
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
+
+
+def trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+    """Return the trajectories of (episode, record) pairs: a row for each state, with the trace beside it."""
+    import pyarrow as pa
+
+    lengths = [len(record.states) for _, record in records]
+    columns: dict[str, Any] = {
+        "run_id": pa.array([cell.run_id] * sum(lengths), pa.string()),
+        "episode": np.repeat([episode for episode, _ in records], lengths),
+        "robot_index": np.repeat([record.robot_index for _, record in records], lengths),
+    }
+    states = np.concatenate([record.states for _, record in records])
+    columns |= {name: states[:, i] for i, name in enumerate(STATES)}
+    for name in dict.fromkeys(name for _, record in records for name in record.trace_names):
+        column = f"trace_{name}" if name in columns else str(name)  # a trace never hides a column of the trajectory
+        columns[column] = np.concatenate([_trace(record, name) for _, record in records])
+    return pa.table(columns)
+
+
+def _trace(record: RobotRecord, name: str) -> Any:
+    if name in record.trace_names:
+        return record.traces[:, record.trace_names.index(name)]
+    return np.full(len(record.states), np.nan)
+
+
+def latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":
+    """Return how long the controllers of (episode, record) pairs took: a row a robot and episode."""
+    import pyarrow as pa
+
+    rows = []
+    for episode, record in records:
+        times = record.latencies_s if len(record.latencies_s) else np.array([np.nan])
+        rows.append(
+            {
+                "run_id": cell.run_id,
+                "episode": episode,
+                "robot_index": record.robot_index,
+                "acts": len(record.latencies_s),
+                "act_median_s": float(np.median(times)),
+                "act_p99_s": float(np.quantile(times, 0.99)),
+                "act_max_s": float(times.max()),
+            }
+        )
+    return pa.Table.from_pylist(rows)

@@ -1,0 +1,115 @@
+"""What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from navbench.analysis.stored import StoredResults
+from navbench.experiments.store import Results
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCENE = ("world", "start_jitter_m", "start_heading_jitter_rad")  # what cells share that met the same starts
+
+
+class Joined(Results):
+    """Results directories read as one, each cell called by what tells it from the others of its controller.
+
+    A cell's ``name`` is its world, with what differs between cells in worlds of this name; its ``label`` is its
+    controller, with what else differs between cells of this controller.
+
+    Args:
+        runs: the directories, at least one.
+    """
+
+    def __init__(self, runs: Sequence[Results]) -> None:
+        super().__init__(runs[0].path)
+        self._runs = runs
+        self._where: dict[str, Results] = {}  # where a cell that stands in several directories is read
+        for run in runs:
+            for cell in run.manifest()["cells"]:
+                self._where.setdefault(cell["run_id"], run)
+
+    def manifest(self) -> dict[str, Any]:
+        """Return the first directory's manifest with the cells and tunings of all."""
+        manifests = [run.manifest() for run in self._runs]
+        cells = [
+            cell
+            for run, manifest in zip(self._runs, manifests, strict=True)
+            for cell in manifest["cells"]
+            if self._where[cell["run_id"]] is run
+        ]
+        scenes, rest = zip(*(_halves(cell["configuration"]) for cell in cells), strict=True)
+        names = _told_apart([cell["world"] for cell in cells], scenes)
+        labels = _told_apart([cell["controller"] for cell in cells], rest)
+        for cell, name, label in zip(cells, names, labels, strict=True):
+            cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
+        return {
+            **manifests[0],
+            "cells": cells,
+            "tunings": [one for manifest in manifests for one in manifest["tunings"]],
+        }
+
+    def episodes(self) -> "pd.DataFrame":
+        """Return the table of episodes."""
+        import pandas as pd
+
+        parts = [(run, run.episodes()) for run in self._runs]
+        mine = [rows[[self._where[run_id] is run for run_id in rows["run_id"]]] for run, rows in parts]
+        return pd.concat(mine, ignore_index=True)
+
+    def trajectories(self, run_id: str = "") -> "pd.DataFrame":
+        """Return the trajectories of one cell."""
+        return (self._where[run_id] if run_id else self._runs[0]).trajectories(run_id)
+
+    def layouts(self) -> dict[str, str]:
+        """Return the layouts that were driven: each one's JSON by its id."""
+        return {name: layout for run in self._runs for name, layout in run.layouts().items()}
+
+    def evaluations(self) -> "pd.DataFrame":
+        """Return the table of evaluations."""
+        import pandas as pd
+
+        tuned = [run.evaluations() for run in self._runs if run.manifest()["tunings"]]
+        return pd.concat(tuned, ignore_index=True)
+
+
+def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
+    """Return the outline of the report of runs: what there is to say of them."""
+    scenes: dict[str, set[str]] = {}
+    for cell in stored.manifest["cells"]:
+        scenes.setdefault(cell["name"], set()).add(cell["label"])
+    outline: list[dict[str, Any]] = [{"name": "summary"}]
+    several = {scene: {"name": scene} for scene, labels in scenes.items() if len(labels) > 1}
+    if several:
+        outline.append({"name": "comparison", "worlds": several})
+    if stored.manifest["tunings"]:
+        outline.append({"name": "tuners_compared", "title": "Tunings"})
+    return [*outline, {"name": "failures"}, {"name": "trajectories"}]
+
+
+def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return a configuration's leaves: those of the scene, and the rest."""
+    leaves = dict(_leaves(configuration))
+    scene = {key: value for key, value in leaves.items() if key.split(".")[0] in SCENE}
+    return scene, {key: value for key, value in leaves.items() if key not in scene}
+
+
+def _told_apart(names: Sequence[str], leaves: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return each name with those of its values in which things of this name differ."""
+    told = []
+    for name, mine in zip(names, leaves, strict=True):
+        alike = [other for other, called in zip(leaves, names, strict=True) if called == name]
+        differ = [key for key in dict.fromkeys(k for one in alike for k in one) if len({o.get(key) for o in alike}) > 1]
+        values = ", ".join(f"{key.rpartition('.')[2]}={mine[key]}" for key in differ if key in mine)
+        told.append(f"{name} ({values})" if values else name)
+    return told
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield a configuration's dotted keys with their values as words."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, str(value)
