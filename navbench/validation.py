@@ -2,8 +2,9 @@
 
 import re
 import reprlib
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from functools import cache, wraps
 from typing import Annotated, Any, ParamSpec, TypeVar, cast, get_args, get_type_hints
 
@@ -21,11 +22,28 @@ Flag = Annotated[bool, Strict()]
 T = TypeVar("T")
 Given = ParamSpec("Given")
 
+HERE = "allowed here"  # before the keys of one place
+LISTED_MAX = 12  # names; of more, the nearest one is named alone
 REMEMBERED_MAX = 64  # more than one process works on in turn
 
 
 class DescriptionError(ValueError):
     """A description, an option or a combination of them that cannot be run; the message names key, value, allowed."""
+
+
+def instead(name: object, known: Iterable[object], which: str = "allowed") -> str:
+    """Return what may stand instead of an unknown name, for the end of an error message.
+
+    Args:
+        name: the unknown one.
+        known: those that may stand there.
+        which: what they are called.
+    """
+    names = [str(one) for one in known]
+    near = get_close_matches(str(name), names, 1)
+    meant = [f"did you mean {near[0]}?"] if near else []
+    listed = [f"{which}: {', '.join(names) or 'none'}"] if not near or len(names) <= LISTED_MAX else []
+    return " ".join(meant + listed)
 
 
 def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
@@ -48,8 +66,8 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         loc = first["loc"]
         path = key + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
         if first["type"] == "unexpected_keyword_argument":
-            allowed = ", ".join(field.name for field in fields(_kind_at(kind, loc[:-1])))
-            raise DescriptionError(f"{path}: unknown key; allowed here: {allowed}") from None
+            known = [field.name for field in fields(_kind_at(kind, loc[:-1]))]
+            raise DescriptionError(f"{path}: unknown key; {instead(loc[-1], known, HERE)}") from None
         if first["type"] in ("missing", "missing_argument"):
             raise DescriptionError(f"{path}: missing; a value is needed") from None
         if first["type"] == "value_error":
@@ -57,7 +75,7 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
             inside = re.match(r"[a-z_]+(\[\d+\])?(\.\w+)*: ", said)
             raise DescriptionError(f"{path}.{said}" if inside else f"{path}: {said}") from None
         allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
-        allowed = re.sub(r"a dictionary or an instance of \w+", "a mapping", allowed)
+        allowed = re.sub(r"a dictionary or an instance of \w+", "a mapping", allowed).replace("a valid ", "a ")
         raise DescriptionError(f"{path}={reprlib.repr(first['input'])}: {allowed}") from None
 
 

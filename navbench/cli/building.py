@@ -14,10 +14,11 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from navbench.contract import Controller
+from navbench.episode.failures import own_line
 from navbench.records import Names
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
-from navbench.validation import DescriptionError
+from navbench.validation import HERE, DescriptionError, instead
 
 CONTROLLER = ("reset(setup, rng)", "act(observation)")
 
@@ -115,7 +116,7 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         found = getattr(import_module(module), name)
     except Exception as error:  # a user's module may raise anything
         text = " ".join(f"{type(error).__name__}: {error}".split())
-        raise DescriptionError(f"{complaint} cannot be imported ({text})") from None
+        raise DescriptionError(f"{complaint} cannot be imported: {text}{own_line(error)}") from None
     lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
     if lacks or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")
@@ -126,7 +127,7 @@ def check_keys(values: Iterable[str], key: str, allowed: Sequence[str]) -> None:
     """Check the names of what stands at a key; raises ``DescriptionError``."""
     for name in values:
         if name not in allowed:
-            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(allowed)}")
+            raise DescriptionError(f"{key}.{name}: unknown key; {instead(name, allowed, HERE)}")
 
 
 def _check_finite(key: str, value: Any) -> None:
@@ -153,7 +154,7 @@ def _check_parameters(key: str, target: Callable[..., Any], parameters: Mapping[
     free = any(parameter.kind is kinds.VAR_KEYWORD for parameter in signature.parameters.values())
     for name in parameters:
         if name not in named and not free:
-            raise DescriptionError(f"{key}.{name}: unknown key; allowed here: {', '.join(('_target_', *named))}")
+            raise DescriptionError(f"{key}.{name}: unknown key; {instead(name, ('_target_', *named), HERE)}")
     for name, parameter in named.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise DescriptionError(f"{key}.{name}: missing; a value is needed")
@@ -185,7 +186,7 @@ def _complaint(error: Exception, key: str, maker: partial[Any]) -> str:
     own = getattr(maker.func, "__name__", "")
     text = re.sub(rf"^({re.escape(own)}|{key.rpartition('.')[2]})(\.|: )", "", " ".join(str(error).split()))
     if not isinstance(error, ValueError) or not text:
-        text = f"{type(error).__name__}: {text}"
+        text = f"{type(error).__name__}: {text}{own_line(error)}"
     about = re.match(r"\w*", text)
     return f"{key}.{text}" if about and about[0] in maker.keywords else f"{key}: {text}"
 

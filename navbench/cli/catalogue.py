@@ -34,6 +34,9 @@ def check_folder(folder: Path) -> None:
     if not folder.is_dir():
         raise DescriptionError(f"--config-dir={folder}: there is no such folder")
     groups = sorted(path.name for path in CONF.iterdir() if path.is_dir())
+    inner = [path.parent for path in sorted(folder.glob("*/controller")) + sorted(folder.glob("*/world"))]
+    if inner and not any((folder / group).is_dir() for group in groups):
+        raise DescriptionError(f"--config-dir={folder}: holds no {' or '.join(LISTED)}; did you mean {inner[0]}?")
     files = [*folder.glob("*.yaml"), *(file for group in groups for file in (folder / group).rglob("*.yaml"))]
     for file in sorted(files):
         place = file.relative_to(folder)

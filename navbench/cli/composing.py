@@ -27,7 +27,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from navbench.cli import schema
 from navbench.cli.catalogue import CONF, GROUPS, LISTED, check_folder
-from navbench.validation import DescriptionError
+from navbench.validation import HERE, DescriptionError, instead
 
 KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
 CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
@@ -242,7 +242,7 @@ def _checked(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
     known = [field.name for field in fields(KINDS[name])]
     for key in values:
         if key not in known:
-            raise DescriptionError(f"{key}: unknown key; allowed here: {', '.join(known)}")
+            raise DescriptionError(f"{key}: unknown key; {instead(key, known, HERE)}")
     for key in known:
         if key not in values:
             raise DescriptionError(f"{key}: missing; a value is needed")

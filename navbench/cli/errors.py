@@ -1,13 +1,15 @@
 """What may be wrong with a configuration, each as one short line."""
 
 import re
+from collections.abc import Iterator
 
 import yaml
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
-from omegaconf import ListConfig
+from omegaconf import ListConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from navbench.validation import DescriptionError
+from navbench.validation import HERE, DescriptionError, instead
 
 CONFIGURATION_ERRORS = (DescriptionError, HydraException, OmegaConfBaseException, OSError, yaml.YAMLError)
 
@@ -29,8 +31,8 @@ def one_line(error: BaseException) -> str:
     cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__ or error.__context__
     if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
-        choices = ", ".join(option for option in error.options if not option.startswith("_"))
-        return f"{group}={name}: unknown choice; allowed: {choices}"
+        choices = [option for option in error.options if not option.startswith("_")]
+        return f"{group}={name}: unknown choice; {instead(name, choices)}"
     if isinstance(error, OverrideParseException):
         return f"{error.override}: cannot be read; a word is key=value, and a value of unusual characters needs quotes"
     if isinstance(error, OSError) and error.strerror:
@@ -47,20 +49,37 @@ def one_line(error: BaseException) -> str:
 
 def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
     """Return what is wrong with one value, from what Hydra says of the word or file and OmegaConf of the value."""
-    word = re.match(r"(?:Error merging override |Could not override ')([^\n']+)", text)
+    word = re.search(r"Error merging override ([^\n]+)|To append to your config use \+([^\n]+)", text)
     file = re.match(r"In '([^']+)'", text)
-    key = str(cause.full_key or "")
+    key, unknown = str(cause.full_key or ""), isinstance(cause, ConfigAttributeError | ConfigKeyError)
     if file and not key:  # OmegaConf says of a wrong kind inside a file neither which key nor, rightly, which kind
         return f"{file[1]}.yaml: {str(cause).splitlines()[0]}; a list stands where a mapping belongs, or the reverse"
-    if isinstance(cause, ConfigAttributeError | ConfigKeyError) and isinstance(cause.key, str):
-        if word and re.split(r"[.\[]", key)[0] != re.split(r"[=.]", word[1])[0]:
-            key = f"{word[1]}.{key}"  # OmegaConf names a key inside a list without its place
+    given = word[1] or word[2] if word else ""
+    place = next(_places_of(given, cause), None) if given else None
+    if unknown and isinstance(cause.key, str):
         allowed = [str(name) for name in cause.parent_node or () if name not in ("hydra", "sources")]
-        known = ", ".join(allowed) or "none; set the whole mapping, as sensors.tracker={range_m: 1.0}"
-        complaint = f"{key}: unknown key; allowed here: {known}"
+        known = allowed or ["none; set the whole mapping, as sensors.tracker={range_m: 1.0}"]
+        complaint = f"{place or key}: unknown key; {instead(cause.key, known, HERE)}"
     else:
-        complaint = f"{word[1] if word else key}: {_allowed(cause)}"
+        complaint = f"{place or given or key}: {_allowed(cause)}"
     return f"{file[1]}.yaml: {complaint}" if file else complaint
+
+
+def _places_of(word: str, cause: OmegaConfBaseException) -> Iterator[str]:
+    """Yield the places, in the lists and mappings of a word, of a value that OmegaConf names by its last key alone."""
+    override = OverridesParser.create().parse_override(word)
+    value = OmegaConf.to_container(OmegaConf.create({"": override.value()}))
+    inside = [(override.key_or_group, value[""])] if isinstance(value, dict) else []
+    for place, value in inside:  # which grows
+        if isinstance(value, dict):
+            inside += [(f"{place}.{key}", inner) for key, inner in value.items()]
+        elif isinstance(value, list):
+            inside += [(f"{place}[{key}]", inner) for key, inner in enumerate(value)]
+        if place.endswith(f".{cause.key}") and "." in place.removeprefix(override.key_or_group):
+            if isinstance(cause, ConfigKeyError | ConfigAttributeError):
+                yield place
+            elif f"'{value!s}'" in str(cause):
+                yield f"{place}={value!r}"
 
 
 def _allowed(cause: OmegaConfBaseException) -> str:

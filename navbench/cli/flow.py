@@ -12,6 +12,7 @@ from navbench.cli.tables import write_tables
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import run_plan
 from navbench.experiments.store import Results
+from navbench.validation import DescriptionError
 
 UNFINISHED, INTERRUPTED = 3, 130  # exit codes
 
@@ -37,6 +38,8 @@ def carry_out(
     Raises:
         DescriptionError: nothing of it can be run.
     """
+    if path.exists() and not path.is_dir():
+        raise DescriptionError(f"{path}: is a file; results need a directory")
     logging.basicConfig(format="navbench: %(message)s", stream=sys.stderr)
     step: Step | None = None
     try:

@@ -79,7 +79,11 @@ def _command(arguments: list[str]) -> int:
     elif "=" in first or first.startswith(("-", "~")):
         return _verb("run", arguments)
     else:
-        return complain(f"{first}: unknown verb; allowed: {', '.join(VERBS)}, or keys of a run as key=value")
+        from navbench.validation import instead
+
+        if arguments[1:] and arguments[1].startswith("="):
+            return complain(f"{' '.join(arguments[:3])}: cannot be read; a word is key=value without spaces")
+        return complain(f"{first}: unknown verb; {instead(first, VERBS)}, or keys of a run as key=value")
     return 0
 
 
@@ -99,7 +103,7 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
 def _list(arguments: list[str]) -> int:
     from navbench.cli.catalogue import CONF, groups_in, print_catalogue
     from navbench.cli.words import sort_words
-    from navbench.validation import DescriptionError
+    from navbench.validation import DescriptionError, instead
 
     try:
         words = sort_words(arguments)
@@ -109,6 +113,6 @@ def _list(arguments: list[str]) -> int:
     known = groups_in(folders)
     for group in words.names + words.overrides:
         if group not in known:
-            return complain(f"list {group}: unknown group; there are {', '.join(known)}")
+            return complain(f"list {group}: unknown group; {instead(group, known, 'there are')}")
     print_catalogue(folders, words.names or known)
     return 0

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from navbench.experiments.cells import Cell
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 SELECTIONS = ("select", "than")  # under these keys stands which cells are meant
 COLUMNS = ("name", "label", "world", "controller", "robot", "sensors", "simulator", "tuning", "seed")
@@ -31,7 +31,7 @@ def check_references(key: str, content: Mapping[str, Any], cells: Sequence[Cell]
                 there = dict.fromkeys(row[column] for row in matching)
                 if value not in there:
                     raise DescriptionError(
-                        f"{place}.{column}={value}: no such cell is planned; there are {', '.join(map(str, there))}"
+                        f"{place}.{column}={value}: no such cell is planned; {instead(value, there, 'there are')}"
                     )
             matching = [row for row in matching if row[column] in wanted]
 

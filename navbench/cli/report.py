@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from navbench.cli.words import sort_words
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 HELP = """navbench report DIR... [out=DIR]: rebuild tables and figures from results directories, and run nothing
 navbench report join=DIR: join the reports in a directory into its README.md
@@ -28,7 +28,7 @@ def report(arguments: Sequence[str]) -> int:
     for word in words.overrides:
         key, _, value = word.partition("=")
         if key not in KEYS or not value:
-            raise DescriptionError(f"{word}: unknown key; allowed with report: out=DIR, join=DIR")
+            raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with report, each as KEY=DIR')}")
         given[key] = Path(value)
     if "join" in given:
         if words.names or "out" in given:

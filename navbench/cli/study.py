@@ -8,7 +8,7 @@ from typing import Any
 
 from navbench.cli.catalogue import CONF, files_of
 from navbench.cli.words import sort_words
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 HELP = """navbench study NAME: run what is missing of a study into outputs/study/NAME, and write results/NAME/report.md
 
@@ -30,7 +30,8 @@ def study(arguments: Sequence[str]) -> int:
         return 0
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
-        raise DescriptionError(f"study {' '.join(words.names)}: name one study; there are {', '.join(known)}")
+        given = " ".join(words.names)
+        raise DescriptionError(f"study {given}: name one study; {instead(given, known, 'there are')}")
     options = _options(words.overrides)
     from navbench.cli.flow import carry_out
     from navbench.cli.report import print_written
@@ -56,9 +57,9 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
     for word in overrides:
         key, _, value = word.partition("=")
         if key not in KEYS:
-            raise DescriptionError(f"{word}: unknown key; allowed with a study: {', '.join(KEYS)}")
+            raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with a study')}")
         if key == "engine" and value not in ENGINES:
-            raise DescriptionError(f"engine={value}: unknown choice; allowed: {', '.join(ENGINES)}")
+            raise DescriptionError(f"engine={value}: unknown choice; {instead(value, ENGINES)}")
         if key == "workers" and not (value.isdecimal() and int(value) >= 1):
             raise DescriptionError(f"workers={value}: must be a whole number of at least 1")
         options[key] = int(value) if key == "workers" else value

@@ -19,7 +19,7 @@ from navbench.experiments.cells import Cell
 from navbench.experiments.plan import Plan
 from navbench.experiments.tunings import Objective, Tuning
 from navbench.report.sections import check_section
-from navbench.validation import STRICT, Count, DescriptionError, Flag, describe
+from navbench.validation import STRICT, Count, DescriptionError, Flag, describe, instead
 
 Seed = Annotated[int, Field(ge=0, strict=True)]
 Words = tuple[str, ...]
@@ -138,8 +138,8 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
         cells: list[Cell] = []
         for i, spec in enumerate(file.cells):
             if spec.tuning and spec.tuning not in known:
-                allowed = ", ".join(sorted(known)) or "none: this study has no tunings"
-                raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; allowed: {allowed}")
+                allowed = instead(spec.tuning, sorted(known) or ["none: this study has no tunings"])
+                raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; {allowed}")
             own = [tuning for tuning in tunings if tuning.name == spec.tuning]
             cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
     content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}

@@ -59,7 +59,8 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
             parser.add_argument(flag, FLAGS[flag], choices=("job",) if flag == "--cfg" else None)
     given, unknown = parser.parse_known_intermixed_args(list(arguments))
     if unknown:
-        raise DescriptionError(f"{unknown[0]}: unknown flag; allowed: {allowed}")
+        meant = f"did you mean {unknown[0].lstrip('-')}? " if "=" in unknown[0] else ""
+        raise DescriptionError(f"{unknown[0]}: unknown flag; {meant}allowed: {allowed}")
     config_dir: str | None = given.config_dir if "--config-dir" in flags else None
     if config_dir is not None:
         check_folder(Path(config_dir))

@@ -19,7 +19,7 @@ from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
-from navbench.validation import DescriptionError
+from navbench.validation import HERE, DescriptionError, instead
 from navbench.world.world import World
 
 BATCH_MIN, BATCH_MAX = 5, 25  # episodes: fewer are not worth a part's cost, more are too much to lose
@@ -147,10 +147,10 @@ def place_of(name: str, build: dict[str, Any]) -> tuple[dict[str, Any], str]:
     for word in path:
         key, inner = f"{key}.{word}", place.get(word)
         if not isinstance(inner, dict):
-            raise DescriptionError(f"{key}: there is no such parameter; allowed here: {_names(place)}")
+            raise DescriptionError(f"{key}: there is no such parameter; {instead(word, _names(place), HERE)}")
         place = inner
     if last not in place or last == "_target_":
-        raise DescriptionError(f"{key}.{last}: there is no such parameter; allowed here: {_names(place)}")
+        raise DescriptionError(f"{key}.{last}: there is no such parameter; {instead(last, _names(place), HERE)}")
     return place, last
 
 
@@ -163,8 +163,8 @@ def leaves_below(name: str, build: dict[str, Any]) -> dict[str, Any]:
     return {leaf: value for word in words for leaf, value in leaves_below(f"{name}.{word}", build).items()}
 
 
-def _names(place: Mapping[str, Any]) -> str:
-    return ", ".join(name for name in place if name != "_target_")
+def _names(place: Mapping[str, Any]) -> list[str]:
+    return [name for name in place if name != "_target_"]
 
 
 class Batch(NamedTuple):
