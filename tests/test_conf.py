@@ -102,7 +102,7 @@ def test_every_controller_drives_in_every_world(cell: CellOf, controller: str, w
         assert record.outcome != "controller_error", record.reason
         assert np.isfinite(record.states).all()
         assert np.isfinite(record.traces[:-1]).all()
-        assert record.metrics.path_length_m > 0.0
+        assert record.metrics["path_length_m"] > 0.0
         limit = chosen.robot.wheel_speed_max_mps
         v, w = record.states[:, 4], record.states[:, 5]
         assert (np.abs(v) + 0.5 * chosen.robot.track_m * np.abs(w)).max() <= limit * (1.0 + 1e-9)

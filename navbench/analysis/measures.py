@@ -48,21 +48,25 @@ def share_of_fleets(stored: StoredResults, select: Select) -> Estimate | None:
 
 
 def share_better(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
-    """Return the share of pairs in which one controller's metric is less than the other's.
+    """Return the share of pairs in which one controller's metric is better than the other's.
 
     A pair is a world, seed, episode and robot that both meet; where one has been tuned several times, each tuning
     makes a pair. A failure counts as worse than any arrival; pairs in which both fail are left out.
 
     Args:
         stored: the study's results.
-        metric: the metric's name; less is better.
+        metric: the metric's name, which is declared to be better one way.
         select: the cells that are said to be better.
         than: the cells that they are compared with.
+
+    Raises:
+        DescriptionError: neither way is better, or there is no such metric.
     """
+    sign = stored.sign_of(metric)
     rows = stored.pairs(select, than, each=True)
     here, there = outcomes(rows).values()
     rows, here, there = rows[here | there], here[here | there], there[here | there]
-    better = here & (~there | (rows[metric] < rows[f"{metric}_other"]).to_numpy())
+    better = here & (~there | (sign * rows[metric] < sign * rows[f"{metric}_other"]).to_numpy())
     return share_of(better)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.experiments.store import Results, ResultsError
+from navbench.metrics import DECLARED, Metric
 from navbench.validation import DescriptionError
 from navbench.world.layout import DrawnWorld, in_common, layout_of
 from navbench.world.world import drawn
@@ -45,6 +46,25 @@ class StoredResults:
         A cell that stands under two names gives its rows twice.
         """
         return self.cells.merge(self.results.episodes(), on="run_id")
+
+    @cached_property
+    def metrics(self) -> dict[str, Metric]:
+        """What was measured, by name, as the manifest declares it."""
+        told = [Metric(**metric) for metric in self.manifest.get("metrics", [])]
+        return {metric.name: metric for metric in told or DECLARED}
+
+    def sign_of(self, metric: str) -> int:
+        """Return 1 where less of a metric is better, and -1 where more is.
+
+        Raises:
+            DescriptionError: neither is, or there is no such metric.
+        """
+        signs = {name: 1 if told.better == "less" else -1 for name, told in self.metrics.items() if told.better}
+        if metric not in signs:
+            raise DescriptionError(
+                f"metric={metric}: must be one of which less or more is better, of {', '.join(signs)}"
+            )
+        return signs[metric]
 
     def trajectories(self, run_id: str) -> "pd.DataFrame":
         """Return the trajectories of one run."""
