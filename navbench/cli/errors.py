@@ -78,7 +78,7 @@ def _places_of(word: str, cause: OmegaConfBaseException) -> Iterator[str]:
         if place.endswith(f".{cause.key}") and "." in place.removeprefix(override.key_or_group):
             if isinstance(cause, ConfigKeyError | ConfigAttributeError):
                 yield place
-            elif not isinstance(value, bytes) and f"'{value}'" in str(cause):
+            elif "'" + str(value) + "'" in str(cause):
                 yield f"{place}={value!r}"
 
 
