@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from commands import Command, in_a_process
@@ -26,7 +27,12 @@ def detour(run: RobotRun) -> float:
 def turns(run):
     if run.outcome != "reached":
         raise ValueError("it did not arrive")
-    return "many" if run.time_s > 15.0 else 3
+    return "many" if run.time_s > 15.0 else run.turning_rad
+
+
+@metric("progress_mps", unit="m/s", better="more", definition="the straight line over the time")
+def progress(run):
+    return run.straight_m / run.time_s
 
 
 @metric("label", unit="", better="", definition="a column of that name is there")
@@ -69,7 +75,7 @@ def test_a_metric_in_one_file_is_in_the_table_the_csv_file_and_the_report(folder
 def test_the_manifest_keeps_every_metrics_declaration_without_what_a_lost_robot_has(
     folder: Path, command: Command
 ) -> None:
-    assert command(folder, *WORDS, "workers=1", "metrics=[own_metrics.detour]", "hydra.run.dir=out").code == 0
+    assert command(*WORDS, "workers=1", "metrics=[own_metrics.detour]", "hydra.run.dir=out").code == 0
     manifest = json.loads((folder / "out/manifest.json").read_text())
     assert [metric["name"] for metric in manifest["metrics"]] == [*(metric.name for metric in DECLARED), "detour"]
     assert manifest["metrics"][-1] == {
@@ -83,25 +89,36 @@ def test_the_manifest_keeps_every_metrics_declaration_without_what_a_lost_robot_
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("limit_s", "said"),
     [
-        (("world=empty",), "metric turns: ValueError: it did not arrive (own_metrics.py, line 14)"),
-        (("world=deadlock",), "metric turns: must return a number; it returned 'many' (own_metrics.py, line 11)"),
+        (0.5, 'ValueError: it did not arrive (own_metrics.py, line 13: raise ValueError("it did not arrive"))'),
+        (60.0, "must return a number; it returned 'many' (own_metrics.py, line 10)"),
     ],
 )
 def test_a_metric_that_fails_costs_its_value_and_no_more(
-    words: tuple[str, ...], said: str, folder: Path, command: Command
+    limit_s: float, said: str, folder: Path, command: Command
 ) -> None:
-    short = ("world.time_limit_s=0.5",) if words == ("world=empty",) else ()
-    done = command(
-        folder, "controller=sflc", *words, *short, "workers=1", "metrics=[own_metrics.turns]", "hydra.run.dir=out"
-    )
+    words = ("controller=sflc", "world=deadlock", f"world.time_limit_s={limit_s}", "workers=1")
+    done = command(*words, "metrics=[own_metrics.turns]", "hydra.run.dir=out")
     assert done.code == 0, done.err
     assert said in done.out
     row = pd.read_csv(folder / "out/episodes.csv").iloc[0]
     assert pd.isna(row["turns"])
-    assert row["reason"] == said
+    assert row["reason"] == f"metric turns: {said}"
     assert row["path_length_m"] > 0.0
+
+
+def test_a_metric_is_compared_the_way_that_is_better(folder: Path, command: Command) -> None:
+    words = ("-m", "controller=go_to_goal,sflc", "world=empty", "episodes=3", "start_jitter_m=0.05", "workers=1")
+    assert command(*words, "metrics=[own_metrics.detour,own_metrics.progress]", "hydra.sweep.dir=out").code == 0
+    assert command("report", "out", "out=report").code == 0
+    table = pd.read_csv(next((folder / "report/tables").glob("comparison_*.csv"))).set_index("label")
+    rows = pd.read_csv(folder / "out/episodes.csv").pivot(index="episode", columns="controller")
+    for name, is_better in (("detour", np.less), ("progress_mps", np.greater)):
+        mine, other = (rows[name, label].to_numpy() for label in ("sflc", "go_to_goal"))
+        assert (mine != other).all()
+        assert table[f"{name}_better"]["sflc"] == is_better(mine, other).mean()
+        assert table[name]["sflc"] == np.median(mine)
 
 
 @pytest.mark.parametrize(
@@ -135,7 +152,7 @@ def test_a_metric_is_part_of_a_cells_identity_and_no_metric_leaves_it_as_it_was(
 
 
 def test_an_objective_may_weigh_any_metric_of_the_cell_and_no_other(folder: Path) -> None:
-    words = ["controller=pid", "world=corner", "tuner=random", "budget=3", "+objective.weights.detour=100.0"]
+    words = ["controller=pid", "world=corner", "tuner=random", "budget=10", "+objective.weights.detour=100.0"]
     with pytest.raises(DescriptionError, match=r"objective.weights: must name at least one of .*, and no other"):
         compose_tuning(words)
     weighed, _, _ = compose_tuning([*words, "metrics=[own_metrics.detour]"])
