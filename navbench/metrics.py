@@ -105,6 +105,11 @@ class Metric:
             raise ValueError(f"metric {self.name}: better={self.better}: must be less, more or empty")
 
     @property
+    def sign(self) -> int:
+        """1 where less is better, -1 where more is, 0 where neither is."""
+        return {"less": 1, "more": -1, "": 0}[self.better]
+
+    @property
     def title(self) -> str:
         """The name for people, without the unit, and with an arrow to where it is better."""
         word = self.name.removesuffix("_" + self.unit.replace("/", "p"))

@@ -1,6 +1,7 @@
 """What the README tells a reader to type works, word for word."""
 
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -26,6 +27,7 @@ def folder(tmp_path: Path) -> Path:
     for group in ("controller", "world", "study"):
         (tmp_path / "conf" / group).mkdir(parents=True)
     (tmp_path / "mine.py").write_text(block_after("`mine.py`", "python"))
+    (tmp_path / "measured.py").write_text(block_after("`measured.py`", "python"))
     (tmp_path / "conf/controller/mine.yaml").write_text(block_after("`conf/controller/mine.yaml`", "yaml"))
     (tmp_path / "conf/controller/sized.yaml").write_text(block_after("drive robots of", "yaml"))
     (tmp_path / "conf/study/quicker.yaml").write_text(block_after("`conf/study/quicker.yaml`", "yaml"))
@@ -53,6 +55,13 @@ def test_your_own_controller_runs_from_a_folder_outside_the_project(folder: Path
 def test_your_own_controller_with_a_native_robot_drives_a_larger_one(folder: Path) -> None:
     printed = navbench(folder, "--config-dir", "conf", "controller=sized", "world=empty_100")
     assert re.search(r"^sized +empty_100 +disc4 +1 of 1 ", printed, re.M)
+
+
+def test_your_own_metric_is_in_the_table(folder: Path) -> None:
+    command = re.search(r"`navbench ([^`]*metrics=[^`]*)`", README)
+    assert command
+    printed = navbench(folder, *shlex.split(command[1]))
+    assert printed.splitlines()[0].endswith("detour")
 
 
 def test_your_own_world_runs(folder: Path) -> None:

@@ -68,6 +68,7 @@ REPORT: list[dict[str, Any]] = [
         "labels": ["F", "PID"],
     },
     {"name": "summary"},
+    {"name": "metrics"},
     {"name": "failures"},
     {"name": "outcomes_table", "file": "outcomes", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
     {
@@ -418,7 +419,7 @@ def test_dying_early_never_looks_fast_in_the_comparison(tmp_path: Path) -> None:
     assert row["time_difference_s"] > 0.0
     assert (row["wins"], row["losses"], row["ties"]) == (1, 7, 0)
     assert row["reached_difference"] == pytest.approx(-7 / 8)
-    assert row["shorter_n"] == 1
+    assert row["path_length_m_better_n"] == 1
 
 
 def test_sources_join_what_things_share_and_tell_what_was_tuned(stored: StoredResults, tmp_path: Path) -> None:

@@ -1,23 +1,27 @@
 """Controllers beside each other over the same starts: who arrives, when, and against a reference start by start."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from navbench.analysis.estimates import median_of, share_of
 from navbench.analysis.fleets import fleets
 from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics.statistics import (
     Estimate,
     WinRatio,
-    median_and_range,
     newcombe_paired,
     restricted_mean,
     restricted_mean_difference,
     share,
     win_ratio,
 )
+from navbench.metrics import DECLARED, Metric
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Comparison(NamedTuple):
@@ -30,8 +34,9 @@ class Comparison(NamedTuple):
         time_s: the mean time up to the limit, failures at the limit [s].
         time_difference_s: less the reference's [s].
         wins: against the reference.
-        length_m: the median length of those that reached, with the range [m]; None where none did.
-        shorter: of the pairs in which both reached, the share in which the path was shorter than the reference's.
+        medians: of the path's length and of each metric beside navbench's own, over those that reached, with the
+            range; None where none did.
+        better: of the pairs in which both reached, the share in which each of these was better than the reference's.
     """
 
     label: str
@@ -40,8 +45,8 @@ class Comparison(NamedTuple):
     time_s: Estimate
     time_difference_s: Estimate | None
     wins: WinRatio | None
-    length_m: Estimate | None
-    shorter: Estimate | None
+    medians: Mapping[str, Estimate | None]
+    better: Mapping[str, Estimate | None]
 
 
 def compare(stored: StoredResults, select: Mapping[str, Any], label: str, reference: str) -> Comparison | None:
@@ -59,11 +64,11 @@ def compare(stored: StoredResults, select: Mapping[str, Any], label: str, refere
     limit_s = stored.time_limit_s(rows["run_id"].iloc[0])
     mine, other = outcomes(rows).values()
     time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
-    lengths = reached(rows)["path_length_m"].to_numpy()
-    length_m = median_and_range(lengths) if len(lengths) else None
+    metrics = compared_metrics(stored)
+    medians = {metric.name: median_of(reached(rows)[metric.name].dropna().to_numpy()) for metric in metrics}
     alone = share(mine), restricted_mean(time_s, mine, limit_s, np.random.default_rng(RESAMPLING_SEED))
     if label == reference:
-        return Comparison(label, alone[0], None, alone[1], None, None, length_m, None)
+        return Comparison(label, alone[0], None, alone[1], None, None, medians, {})
     both = rows[mine & other]
     return Comparison(
         label,
@@ -72,8 +77,8 @@ def compare(stored: StoredResults, select: Mapping[str, Any], label: str, refere
         alone[1],
         restricted_mean_difference(time_s, mine, other_s, other, limit_s, np.random.default_rng(RESAMPLING_SEED)),
         win_ratio(time_s, mine, other_s, other),
-        length_m,
-        share((both["path_length_m"] < both["path_length_m_other"]).to_numpy()) if len(both) else None,
+        medians,
+        {metric.name: _share_better(metric, both) for metric in metrics},
     )
 
 
@@ -89,3 +94,15 @@ def level(stored: StoredResults, metric: str, select: Mapping[str, Any]) -> floa
         rng = np.random.default_rng(RESAMPLING_SEED)
         return restricted_mean(rows["time_s"].to_numpy(), arrived, stored.shared_time_limit_s(rows), rng).value
     return float(rows[metric][arrived].median())
+
+
+def compared_metrics(stored: StoredResults) -> list[Metric]:
+    """Return the metrics that a comparison shows beside time: the path's length, and those beside navbench's own."""
+    own = {metric.name for metric in DECLARED} - {"path_length_m"}
+    return [metric for name, metric in stored.metrics.items() if name not in own and name in stored.episodes]
+
+
+def _share_better(metric: Metric, pairs: "pd.DataFrame") -> Estimate | None:
+    """Return the share of pairs in which a metric is better than the other's; None where neither way is."""
+    known = pairs[[metric.name, f"{metric.name}_other"]].dropna().to_numpy()
+    return share_of(metric.sign * known[:, 0] < metric.sign * known[:, 1]) if metric.sign else None

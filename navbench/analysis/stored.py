@@ -59,7 +59,7 @@ class StoredResults:
         Raises:
             DescriptionError: neither is, or there is no such metric.
         """
-        signs = {name: 1 if told.better == "less" else -1 for name, told in self.metrics.items() if told.better}
+        signs = {name: told.sign for name, told in self.metrics.items() if told.sign}
         if metric not in signs:
             raise DescriptionError(
                 f"metric={metric}: must be one of which less or more is better, of {', '.join(signs)}"

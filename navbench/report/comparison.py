@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from navbench.analysis.comparisons import Comparison, compare
+from navbench.analysis.comparisons import Comparison, compare, compared_metrics
 from navbench.report.document import Block, Blocks, Column, Heading, Paragraph, Plot, Table
 from navbench.report.figures import new_figure
 from navbench.report.page import Page, Select
@@ -12,8 +12,9 @@ from navbench.validation import DescriptionError
 NOTE = (
     "A difference is the row's minus that of the reference, which has none, start by start: the same world, seed, "
     "episode and robot. The mean time counts a failure as the world's time limit, whenever it came. The win ratio is "
-    "pairs won over pairs lost; a failure is the worst, and two failures are a tie. Lengths are compared where both "
-    "reached. Intervals hold 95 %: Wilson's, Newcombe's, the BCa bootstrap's and, for the win ratio, Wilson's too."
+    "pairs won over pairs lost; a failure is the worst, and two failures are a tie. Medians are of those that "
+    "reached, and metrics are compared where both did. Intervals hold 95 %: Wilson's, Newcombe's, the BCa bootstrap's "
+    "and, for the win ratio, Wilson's too."
 )
 COLUMNS = (
     Column("", "label"),
@@ -27,8 +28,6 @@ COLUMNS = (
     Column(None, "losses"),
     Column(None, "ties"),
     Column("win ratio", "win_ratio", decimals=2),
-    Column("median length of those that reached", "length_m", "m", 3, "value"),
-    Column("shorter in", "shorter", decimals=2, show="of"),
 )
 
 
@@ -78,14 +77,17 @@ def compared(
 
 def _table(page: Page, found: Sequence[Comparison], world: str) -> Table:
     """Return one world's comparison as a table."""
-    rows = []
+    rows, columns, metrics = [], list(COLUMNS), compared_metrics(page.stored)
+    for metric in metrics:
+        columns.append(Column(f"median {metric.title}", metric.name, metric.unit, 3, "value"))
+        columns.append(Column("better in", f"{metric.name}_better", decimals=2, show="of"))
     for c in found:
         counts = c.wins[:3] if c.wins else (None,) * 3
         won = "/".join(map(str, counts)) if c.wins else None
-        rows.append(
-            [c.label, c.reached, *c[1:5], won, *counts, c.wins.ratio if c.wins else None, c.length_m, c.shorter]
-        )
-    return page.table(COLUMNS, rows, more=f"_{world}")
+        ratio = c.wins.ratio if c.wins else None
+        measured = [value for m in metrics for value in (c.medians[m.name], c.better.get(m.name))]
+        rows.append([c.label, c.reached, *c[1:5], won, *counts, ratio, *measured])
+    return page.table(columns, rows, more=f"_{world}")
 
 
 def _forest(page: Page, found: Mapping[str, Sequence[Comparison]]) -> Plot:

@@ -86,7 +86,7 @@ def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
         outline.append({"name": "comparison", "worlds": several})
     if stored.manifest["tunings"]:
         outline.append({"name": "tuners_compared", "title": "Tunings"})
-    return [*outline, {"name": "failures"}, {"name": "trajectories"}]
+    return [*outline, *({"name": name} for name in ("failures", "trajectories", "metrics"))]
 
 
 def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:

@@ -16,7 +16,7 @@ from navbench.report.document import Block, Heading, Paragraph
 from navbench.report.outcomes import fleet_table, outcomes_table, robustness
 from navbench.report.page import Page, Section
 from navbench.report.provenance import sources
-from navbench.report.tables import failed, summary
+from navbench.report.tables import failed, metrics, summary
 from navbench.report.trajectories import frames, time_series, trajectories
 from navbench.report.wheels import wheel_velocities
 from navbench.validation import DescriptionError
@@ -29,6 +29,7 @@ SECTIONS: Mapping[str, Section] = {
     "summary": summary,
     "comparison": comparison,
     "failures": failed,
+    "metrics": metrics,
     "outcomes_table": outcomes_table,
     "fleet_table": fleet_table,
     "robustness": robustness,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from navbench.analysis.fleets import fleets
 from navbench.mathematics.statistics import wilson
 from navbench.metrics import DECLARED, Metric
-from navbench.report.document import Blocks, Column, Lines, Paragraph, number
+from navbench.report.document import Blocks, Column, Lines, Paragraph, Table, number
 from navbench.report.page import Page
 
 if TYPE_CHECKING:
@@ -104,16 +104,15 @@ def summary(page: Page) -> Blocks:
     cells = page.stored.cells.drop_duplicates("run_id")
     metrics = page.stored.metrics.values()
     table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.episodes, metrics), on="run_id")
-    means = [metric for metric in metrics if metric.name in table]
-    summed = ["collisions", *(metric.name for metric in means), *FAILURES, "makespan_s"]
+    held = [metric for metric in metrics if metric.name in table]
+    summed = [*(metric.name for metric in held), *FAILURES, "makespan_s"]
     rows = []
     for row in table.to_dict("records"):
         arrived = wilson(row["reached"], row["of"])
         rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in summed)])
     columns = [Column("world", "world"), Column("controller", "controller"), Column("seed", "seed")]
     columns += [Column("reached", show="count"), Column("share", "reached", decimals=3)]
-    columns += [Column("collisions", "collisions")]
-    columns += [Column(metric.title, metric.name, metric.unit) for metric in means]
+    columns += [Column(metric.title, metric.name, metric.unit) for metric in held]
     columns += [*(Column(name.replace("_", " "), name) for name in FAILURES), Column("makespan", "makespan_s", "s")]
     return [
         Paragraph("Means are over the robots that reached their goals, and over no others."),
@@ -129,6 +128,12 @@ def failed(page: Page, *, at_most: int = 20) -> Blocks:
     """
     rows = page.stored.episodes.drop_duplicates(["run_id", "episode", "robot_index"])
     return [Lines(failures(rows.assign(controller=rows["label"]), at_most) or ["No robot failed."])]
+
+
+def metrics(page: Page) -> Blocks:
+    """Return what each metric is, which way is better, and who defines it so."""
+    rows = [[m.name, m.unit, m.better, m.definition, m.source] for m in page.stored.metrics.values()]
+    return [Table("", [Column(title) for title in ("metric", "unit", "better", "definition", "source")], rows)]
 
 
 def _table(summary: "pd.DataFrame", names: Sequence[str], form: str) -> str:
