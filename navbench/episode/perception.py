@@ -32,6 +32,9 @@ class Perception:
         start: the true pose at the beginning, which odometry knows.
         goal: the goal's position [m].
         name: seed, world, episode and robot index of the streams.
+
+    Attributes:
+        drifts: whether the believed pose may differ from the true one, so that ``travel`` must be called.
     """
 
     def __init__(
@@ -59,17 +62,12 @@ class Perception:
         self._tracker_rng = (
             stream(seed, world, episode, "tracker", index) if tracker and tracker.position_noise_std_m else None
         )
-        self._drifts = bool(sensors.odometry.travel_noise or sensors.odometry.wheel_scale_std)
+        self.drifts = bool(sensors.odometry.travel_noise or sensors.odometry.wheel_scale_std)
         self._believed = start
         self._believed_speed = (0.0, 0.0)
-        if self._drifts:
+        if self.drifts:
             self._odometry_rng = stream(seed, world, episode, "odometry", index)
             self._wheel_scale = 1.0 + sensors.odometry.wheel_scale_std * self._odometry_rng.standard_normal(2)
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the believed pose may differ from the true one, so that ``travel`` must be called."""
-        return self._drifts
 
     def travel(self, left_m: float, right_m: float, dt_s: float) -> None:
         """Count what the wheels covered in a period [m], with the encoders' errors, and move the believed pose."""
@@ -105,7 +103,7 @@ class Perception:
             _err(ranges_m, errors, sensors.noise_std_m, chances, sensors.dropout_probability, self._min, self._max)
         elif self._has_least:
             np.maximum(ranges_m, self._min, out=ranges_m)
-        pose, (v, w) = (self._believed, self._believed_speed) if self._drifts else (true_pose, true_speed)
+        pose, (v, w) = (self._believed, self._believed_speed) if self.drifts else (true_pose, true_speed)
         seen = _NO_DISCS if discs is None else self._track(discs, true_pose, pose)
         if not self._converts:
             return Observation(t_s, pose, self._goal, v, w, ranges_m, touching, seen)
@@ -130,7 +128,7 @@ class Perception:
         if self._tracker_rng is not None:
             errors = self._tracker_rng.standard_normal((len(discs), 2))[in_range]
             seen[:, :2] += tracker.position_noise_std_m * errors
-        if self._drifts:
+        if self.drifts:
             turn = pose.heading_rad - true_pose.heading_rad
             cosine, sine = math.cos(turn), math.sin(turn)
             turned = np.array([[cosine, sine], [-sine, cosine]])  # rows times this matrix turn left by ``turn``

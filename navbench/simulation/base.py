@@ -61,6 +61,8 @@ class Simulator(ABC):
         robots: (n_robots,) of ``ROBOT``, as they are now.
         rays: the ring's rays in the robot's frame.
         running: how many robots have no outcome yet.
+        contacts: each robot's contacts so far.
+        touching: whether each robot is held by something now.
     """
 
     Options: ClassVar[type[SimulatorOptions]] = SimulatorOptions
@@ -69,6 +71,8 @@ class Simulator(ABC):
 
     scene: Scene
     running: int
+    contacts: list[Contacts]
+    touching: list[bool]
 
     def __init__(self, options: SimulatorOptions, robot: Robot, sensors: Sensors, accel_max_mps2: float | None) -> None:
         self.options, self.robot = options, robot
@@ -136,6 +140,7 @@ class Simulator(ABC):
             CONTACT_MARGIN_RADII * radius_m, len(line) > 0, line if len(line) else 0.0,
         )  # fmt: skip
         self._ledger = ContactLedger(count)
+        self.contacts, self.touching = self._ledger.counts, self._ledger.touching
         self._unobstructed = np.tile(self.rays.unobstructed, (count, 1))
         self.running = count
         self.build()
@@ -146,16 +151,6 @@ class Simulator(ABC):
     def states(self) -> list[RobotState]:
         """Return what is known of each robot now."""
         return list(map(RobotState._make, self.robots.tolist()))
-
-    @property
-    def contacts(self) -> list[Contacts]:
-        """Each robot's contacts so far."""
-        return self._ledger.counts
-
-    @property
-    def touching(self) -> list[bool]:
-        """Whether each robot is held by something now."""
-        return self._ledger.touching
 
     def tracked_discs(self, index: int) -> FloatArray:
         """Return discs, movers, circles around polygons and the other robots: (n, 5) x, y, radius, vx, vy [m, m/s]."""
@@ -284,6 +279,6 @@ class Simulator(ABC):
         scene = self.scene
         for i, clearance_m in enumerate(clearances_m):
             robot = self.robots[i]
-            if (self._ledger.touching[i] or clearance_m <= self.rays.exposed_m) and robot["running"]:
+            if (self.touching[i] or clearance_m <= self.rays.exposed_m) and robot["running"]:
                 others = np.concatenate([scene.discs, other_robots(self.robots, i, self.robot.radius_m)])
                 self.rays.blind_inside_things(ranges[i], robot, scene.boxes, others, scene.polygons)
