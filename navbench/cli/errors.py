@@ -78,7 +78,7 @@ def _places_of(word: str, cause: OmegaConfBaseException) -> Iterator[str]:
         if place.endswith(f".{cause.key}") and "." in place.removeprefix(override.key_or_group):
             if isinstance(cause, ConfigKeyError | ConfigAttributeError):
                 yield place
-            elif f"'{value!s}'" in str(cause):
+            elif isinstance(value, str) and repr(value) in str(cause):
                 yield f"{place}={value!r}"
 
 
