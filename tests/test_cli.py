@@ -230,7 +230,7 @@ WRONG_FILES = [
     ("mine.yaml", "build: [\n", "conf/controller/mine.yaml, line 2"),
     ("mine.yaml", "", "controller.build._target_: missing"),
     ("mine.yaml", "- 1\n", "controller=[1]: must be a mapping"),
-    ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nbild: 3\n", "controller.bild: unknown key; did you mean build"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nbild: 3\n", "controller.bild: unknown key; did you mean"),
     ("mine.yaml", "build: {_target_: mine.Mine, gain: .nan}\n", "controller.build.gain=nan: must be a finite number"),
     ("mine.yaml", "build: {_target_: mine.Mine, gain: [1, .inf]}\n", "controller.build.gain[1]=inf: must be a finite"),
     ("mine.yaml", "build: {_target_: mine.Mine}\n", "controller.build.gain: missing"),
