@@ -1,14 +1,13 @@
 """What is kept of an episode and of the cell it belongs to: the words that the loop, the store and the reader share."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.mathematics.metrics import Metrics
+from navbench.metrics import DECLARED, Metric
 from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
@@ -34,7 +33,7 @@ class RobotRecord(NamedTuple):
         robot_index: which robot of the world.
         outcome: "reached", "collided", "timed_out", "controller_error", or "no_layout" where none could be drawn.
         reason: what it hit, or what the controller did; empty where the outcome says all.
-        metrics: the metrics.
+        metrics: each metric's value by its name.
         states: (n + 1, 6) t [s], x, y [m], heading [rad], v [m/s], w [rad/s] of the world at the beginning of each of
             the n control periods, v and w being the period's means, and at the end, where v and w stand as they were.
         traces: (n + 1, n_names) the controller's trace, native; nan at the end, where it acted no more.
@@ -48,7 +47,7 @@ class RobotRecord(NamedTuple):
     robot_index: int
     outcome: Outcome
     reason: str
-    metrics: Metrics
+    metrics: Mapping[str, float]
     states: FloatArray
     traces: FloatArray
     trace_names: tuple[str, ...]
@@ -58,10 +57,10 @@ class RobotRecord(NamedTuple):
     traceback: str = ""
 
     @classmethod
-    def lost(cls, robot_index: int, outcome: Outcome, reason: str) -> "RobotRecord":
+    def lost(cls, robot_index: int, outcome: Outcome, reason: str, metrics: Iterable[Metric]) -> "RobotRecord":
         """Return what is known of a robot of which nothing was recorded."""
-        metrics = Metrics(0.0, 0.0, 0, math.nan, 0.0, math.nan, 0.0, 0, 0, 0, math.nan)
-        return cls(robot_index, outcome, reason, metrics, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0))
+        values = {metric.name: metric.lost for metric in metrics}
+        return cls(robot_index, outcome, reason, values, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0))
 
 
 class Names(NamedTuple):
@@ -91,6 +90,7 @@ class CellKey(NamedTuple):
         tuning: the name of the tuning that its parameters come from, or empty.
         tuning_seed: that tuning's seed; -1 without one.
         packages: what the simulator runs on, whose versions belong to the results.
+        metrics: what its metrics are.
     """
 
     name: str
@@ -106,6 +106,7 @@ class CellKey(NamedTuple):
     tuning: str = ""
     tuning_seed: int = -1
     packages: tuple[str, ...] = ()
+    metrics: tuple[Metric, ...] = DECLARED
 
 
 class TuningKey(NamedTuple):

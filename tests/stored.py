@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults
 from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
-from navbench.mathematics.metrics import Metrics
+from navbench.metrics import DECLARED
 from navbench.records import CellKey, Names, RobotRecord, Thing, TuningKey
 from navbench.report.document import Blocks, Document
 from navbench.report.markdown import render
@@ -77,9 +77,14 @@ SOURCES = {
 }
 
 
+def metrics_of(*values: float) -> dict[str, float]:
+    """Return the value of each of navbench's own metrics by its name, in their order."""
+    return dict(zip((metric.name for metric in DECLARED), values, strict=True))
+
+
 def a_record(outcome: Any = "reached", time_s: float = 10.0, length_m: float = 3.0, **changes: Any) -> RobotRecord:
     """Return what a robot did that drove straight ahead."""
-    metrics = Metrics(length_m, time_s, int(outcome == "collided"), 0.1, length_m / time_s, 1.0, 0.5, 2, 0, 0, 0.0)
+    metrics = metrics_of(length_m, time_s, int(outcome == "collided"), 0.1, length_m / time_s, 1.0, 0.5, 2, 0, 0, 0.0)
     t_s = np.linspace(0.0, time_s, 5)
     speed = np.full(5, length_m / time_s)
     states = np.column_stack([t_s, 0.29 * t_s, 0.0 * t_s, 0.0 * t_s, speed, 0.0 * t_s])
@@ -118,7 +123,7 @@ def a_drive(
     states[:, 4] = [*v_mps, v_mps[-1]]
     traces = np.array([[*values, math.nan] for values in trace.values()]).reshape(len(trace), count + 1).T
     end_s = float(count) if time_s is None else time_s
-    metrics = Metrics(1.0, end_s, contacts[0], 0.1, 1.0 / end_s, 1.0, 0.5, 2, *contacts[1:], 0.0)
+    metrics = metrics_of(1.0, end_s, contacts[0], 0.1, 1.0 / end_s, 1.0, 0.5, 2, *contacts[1:], 0.0)
     return RobotRecord(index, outcome, "", metrics, states, traces, tuple(trace), np.full(count, 1e-5), hit)
 
 

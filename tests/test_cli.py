@@ -136,7 +136,7 @@ WRONG = [
         "world.time_limit_s=150.0: must be at most 1000000 steps",
         "speeds to 1e+04 m/s",
     ),
-    ((*GO, "world.goals=[{x_m: 1.48, y_m: 0}]"), "world.goals[0]: (1.48, 0.0) lies 0.02 m from an obstacle", "nearer"),
+    ((*GO, "world.goals=[{x_m: 1.495, y_m: 0}]"), "world.goals[0]: (1.495, 0.0) lies 0.005 m from an obst", "nearer"),
     ((*GO, "controller.native.period_s=1e-9"), "must be at most 1000000 steps", "control period 1e-09 s"),
     ((*GO, "controller.native.period_s=0"), "controller.native.period_s=0: must be a finite number above 0"),
     ((*GO, "controller.build.speed_mps=nan"), "controller.build.speed_mps=nan: must be a finite number"),
@@ -354,17 +354,18 @@ def test_a_run_prints_its_table_and_says_where_the_results_are(command: Command,
 def test_a_run_names_the_robots_that_failed_and_how(command: Command) -> None:
     done = command("controller=go_to_goal", "world=deadlock", "hydra.run.dir=here")
     assert re.search(
-        r"^go_to_goal in deadlock, episode 0, robot 0: collided after \S+ s \(hit box 0\)$", done.out, re.M
+        r"^go_to_goal in deadlock, seed 0, episode 0, robot 0: collided after \S+ s \(hit box 0\)$", done.out, re.M
     )
 
 
 def test_a_sweep_ends_with_one_joined_table_printed_and_written(command: Command, tmp_path: Path) -> None:
     done = command("-m", "controller=sflc,pid", "world=corner", "hydra.sweep.dir=sweep")
     assert done.code == 0
-    assert [line.split()[0] for line in done.out.splitlines()[2:4]] == ["sflc", "pid"]
+    assert [line.split()[0] for line in done.out.splitlines()[2:4]] == ["sflc", "pid"]  # in the order of the sweep
     assert done.out.splitlines()[-1] == "results: sweep"
     table = pd.read_csv(tmp_path / "sweep/table.csv")
     assert list(table["controller"]) == ["sflc", "pid"]
+    assert table[["reached", "of"]].to_numpy().tolist() == [[1, 1], [1, 1]]
     written = (tmp_path / "sweep/table.md").read_text().splitlines()
     assert len(written) == 4
     assert all(re.fullmatch(r"\|( [^|]+ \|)+|\|[-:|]+\|", line) for line in written)
@@ -383,7 +384,7 @@ def test_a_sweep_tells_its_cells_apart_by_what_differs(command: Command, tmp_pat
 
 def test_equal_cells_of_a_sweep_are_one_row(command: Command, tmp_path: Path) -> None:
     command("-m", *GO, "workers=1,2", "hydra.sweep.dir=sweep")
-    assert len(pd.read_csv(tmp_path / "sweep/table.csv")) == 1
+    assert list(pd.read_csv(tmp_path / "sweep/table.csv")["reached"]) == [1]
 
 
 def test_a_sweep_with_a_wrong_cell_finishes_the_others_and_names_it(command: Command, tmp_path: Path) -> None:
@@ -601,3 +602,9 @@ def test_a_full_output_is_one_line(tmp_path: Path) -> None:
         pytest.skip("no /dev/full here")
     done = subprocess.run(f"{NAVBENCH} list > /dev/full", shell=True, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "navbench: the output: No space left on device\n")
+
+
+def test_the_folder_of_configurations_may_stand_before_the_verb(own: Path, command: Command) -> None:
+    assert command("--config-dir", "conf", "list", "controller") == command(
+        "list", "controller", "--config-dir", "conf"
+    )

@@ -102,7 +102,7 @@ def test_every_controller_drives_in_every_world(cell: CellOf, controller: str, w
         assert record.outcome != "controller_error", record.reason
         assert np.isfinite(record.states).all()
         assert np.isfinite(record.traces[:-1]).all()
-        assert record.metrics.path_length_m > 0.0
+        assert record.metrics["path_length_m"] > 0.0
         limit = chosen.robot.wheel_speed_max_mps
         v, w = record.states[:, 4], record.states[:, 5]
         assert (np.abs(v) + 0.5 * chosen.robot.track_m * np.abs(w)).max() <= limit * (1.0 + 1e-9)
@@ -133,6 +133,12 @@ def test_a_controller_can_be_sent_to_another_process_before_and_after_it_acts(ce
     here.act(look)
     there = pickle.loads(pickle.dumps(here))
     assert here.act(look) == there.act(look)
+
+
+def test_every_line_of_the_configuration_fits_an_editor() -> None:
+    for file in CONF.rglob("*.yaml"):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            assert len(line) <= 125 or " " not in line.partition(": ")[2], f"{file.relative_to(CONF)}: {line}"
 
 
 def test_a_schema_stands_behind_every_file_of_a_description() -> None:

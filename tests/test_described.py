@@ -35,7 +35,7 @@ HERE, THERE = {"label": "A"}, {"label": "B"}
 
 def episode(clearance_m: float, contacts: int = 0, outcome: str = "reached", **changes: Any) -> RobotRecord:
     record = a_record(outcome, **changes)
-    return record._replace(metrics=record.metrics._replace(min_clearance_m=clearance_m, collisions=contacts))
+    return record._replace(metrics={**record.metrics, "min_clearance_m": clearance_m, "collisions": contacts})
 
 
 def store_fleets(path: Path, fleets: dict[str, list[list[RobotRecord]]]) -> StoredResults:

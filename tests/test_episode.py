@@ -57,7 +57,7 @@ def test_a_robot_that_flies_through_the_goals_disc_within_a_substep_arrives_wher
     record = run_one(a_world(**to(3.33, 0.005)), always(1.0))
     assert record.outcome == "reached"
     assert record.reason == ""
-    assert record.metrics.time_s == pytest.approx(3.33, abs=1e-12)
+    assert record.metrics["time_s"] == pytest.approx(3.33, abs=1e-12)
     assert record.states[-1, :4] == pytest.approx([3.33, 3.33, 0.0, 0.0], abs=1e-12)
     assert record.states[-2, [0, 4, 5]] == pytest.approx([3.3, 1.0, 0.0])  # the mean over the 0.03 s that it drove
 
@@ -82,8 +82,8 @@ def test_arrival_on_an_arc_is_its_closest_approach_and_the_robot_stays_there(per
         assert nearest == pytest.approx(abs(aside), abs=1e-9)
         assert record.outcome == "reached"
         # Where a substep ends within the tolerance and before the nearest point, arrival is that substep's end.
-        assert when - 0.01 / 0.5 <= record.metrics.time_s <= when + 1e-9
-        ahead = advance_arc(0.0, 0.0, 0.0, v, w, record.metrics.time_s)
+        assert when - 0.01 / 0.5 <= record.metrics["time_s"] <= when + 1e-9
+        ahead = advance_arc(0.0, 0.0, 0.0, v, w, record.metrics["time_s"])
         assert record.states[-1, 1:3] == pytest.approx(ahead[:2], abs=1e-9)
         assert math.hypot(ahead[0] - goal_x, ahead[1] - goal_y) <= 0.01
 
@@ -91,13 +91,13 @@ def test_arrival_on_an_arc_is_its_closest_approach_and_the_robot_stays_there(per
 def test_arrival_is_the_nearest_point_of_the_first_substep_that_comes_near_enough() -> None:
     """With substeps of 0.25 m the robot is 0.18 m, then 0.07 m from the goal at their ends."""
     record = run_one(a_world(**to(2.93, 0.0, tolerance_m=0.2)), always(1.0), period_s=0.25)
-    assert record.metrics.time_s == pytest.approx(2.75)
+    assert record.metrics["time_s"] == pytest.approx(2.75)
 
 
 def test_a_robot_at_its_goal_arrives_at_once_and_never_moves() -> None:
     controller = always(1.0)
     record = run_one(a_world(**to(0.0, 0.0)), controller)
-    assert (record.outcome, record.metrics.time_s) == ("reached", 0.0)
+    assert (record.outcome, record.metrics["time_s"]) == ("reached", 0.0)
     assert record.states[-1, :4] == pytest.approx([0.0, 0.0, 0.0, 0.0], abs=1e-12)
     assert len(controller.seen) == 1
 
@@ -106,7 +106,7 @@ def test_contact_beats_arrival_in_the_same_substep() -> None:
     for x in (4.02, 4.055):  # the wheels cover 4.0 to 4.1 in the substep in which the hull meets the wall, at 4.05
         record = run_one(a_world(walls=(WALL,), **to(x, 0.0)), always(1.0))
         assert (record.outcome, record.reason) == ("collided", "hit wall 0")
-        assert record.metrics.time_s == pytest.approx(4.1)
+        assert record.metrics["time_s"] == pytest.approx(4.1)
 
 
 def test_contact_beats_arrival_for_a_blocked_robot_too() -> None:
@@ -130,7 +130,7 @@ def line(x1: float, y1: float, x2: float, y2: float) -> dict[str, Any]:
 def test_a_straight_way_crosses_the_finish_line_at_the_exact_instant(top: float, bottom: float) -> None:
     record = run_one(a_world(**line(top, 7.0, bottom, -7.0)), always(0.9))
     assert record.outcome == "reached"
-    assert record.metrics.time_s == pytest.approx(0.5 * (top + bottom) / 0.9, abs=1e-12)
+    assert record.metrics["time_s"] == pytest.approx(0.5 * (top + bottom) / 0.9, abs=1e-12)
     assert record.states[-1, 1:3] == pytest.approx([0.5 * (top + bottom), 0.0], abs=1e-12)
 
 
@@ -139,13 +139,13 @@ def test_a_curved_way_crosses_the_finish_line_where_its_chord_does() -> None:
         record = run_one(a_world(**line(x, 9.0, x, -9.0)), always(0.8, 0.2))
         crossed = math.asin(x / 4.0) / 0.2
         sagitta = 0.08**2 / (8.0 * 4.0)
-        assert record.metrics.time_s == pytest.approx(crossed, abs=sagitta / (0.8 * math.cos(0.2 * crossed)) * 1.2)
-        assert record.states[-1, 1:3] == pytest.approx(advance_arc(0, 0, 0, 0.8, 0.2, record.metrics.time_s)[:2])
+        assert record.metrics["time_s"] == pytest.approx(crossed, abs=sagitta / (0.8 * math.cos(0.2 * crossed)) * 1.2)
+        assert record.states[-1, 1:3] == pytest.approx(advance_arc(0, 0, 0, 0.8, 0.2, record.metrics["time_s"])[:2])
 
 
 def test_with_a_finish_line_neither_the_goal_nor_a_way_around_the_line_is_an_arrival() -> None:
     world = a_world(**line(3.0, 1.0, 3.0, -1.0), **to(6.0, 0.0, tolerance_m=4.0))
-    assert run_one(world, always(1.0)).metrics.time_s == pytest.approx(3.0)
+    assert run_one(world, always(1.0)).metrics["time_s"] == pytest.approx(3.0)
     aside = schedule([(0.0, 0.6)] * 10 + [(1.0, 0.0)] * 90, 0.1)
     assert run_one(world, aside).outcome == "timed_out"
 
@@ -171,7 +171,7 @@ def test_time_is_the_periods_number_times_the_period_to_the_last_bit(period_s: f
 def test_the_last_period_is_cut_at_the_time_limit(limit_s: float) -> None:
     record = run_one(a_world(time_limit_s=limit_s), always(0.7), period_s=0.1)
     assert (record.outcome, record.reason) == ("timed_out", "")
-    assert record.metrics.time_s == pytest.approx(limit_s, abs=1e-12)
+    assert record.metrics["time_s"] == pytest.approx(limit_s, abs=1e-12)
     assert record.states[-1, :2] == pytest.approx([limit_s, 0.7 * limit_s], abs=1e-12)
     assert len(record.states) == math.ceil(limit_s / 0.1 - 1e-9) + 1
 
@@ -219,18 +219,18 @@ def test_a_contact_ends_both_robots_at_once_and_no_other() -> None:
     first, second, third = run(world, always(1.0))
     assert (first.outcome, first.reason) == ("collided", "hit robot 1")
     assert (second.outcome, second.reason) == ("collided", "hit robot 0")
-    assert first.metrics.time_s == second.metrics.time_s == pytest.approx(2.1)
-    assert first.metrics.collisions == second.metrics.collisions == 1
+    assert first.metrics["time_s"] == second.metrics["time_s"] == pytest.approx(2.1)
+    assert first.metrics["collisions"] == second.metrics["collisions"] == 1
     assert third.outcome == "timed_out"
-    assert third.metrics.path_length_m == pytest.approx(10.0)
+    assert third.metrics["path_length_m"] == pytest.approx(10.0)
 
 
 def test_a_robot_that_drives_into_a_standing_one_ends_both() -> None:
     world = a_world(starts=starts((0, 0, 0), (6.03, 0, 1.0)))
     records = run(world, [always(1.0), always(0.0)])
     assert [record.outcome for record in records] == ["collided", "collided"]
-    assert records[1].metrics.time_s == pytest.approx(4.1)
-    assert records[1].metrics.path_length_m == 0.0
+    assert records[1].metrics["time_s"] == pytest.approx(4.1)
+    assert records[1].metrics["path_length_m"] == 0.0
 
 
 def test_a_contact_of_three_robots_ends_all_three() -> None:
@@ -246,10 +246,10 @@ def test_an_ended_robot_is_an_obstacle_that_keeps_its_outcome() -> None:
         goals=(Point(x_m=500.0, y_m=0.0), Point(x_m=6.5, y_m=0.0)),
     )
     first, second = run(world, [always(1.0), always(0.5)])
-    assert (second.outcome, second.metrics.collisions) == ("reached", 0)
-    assert second.metrics.time_s < 1.1
+    assert (second.outcome, second.metrics["collisions"]) == ("reached", 0)
+    assert second.metrics["time_s"] < 1.1
     assert (first.outcome, first.reason) == ("collided", "hit robot 1")
-    assert first.metrics.time_s == pytest.approx(second.states[-1, 1] - 2.0, abs=0.11)
+    assert first.metrics["time_s"] == pytest.approx(second.states[-1, 1] - 2.0, abs=0.11)
 
 
 def test_an_ended_robot_is_seen_by_rays_and_by_the_tracker_and_stands() -> None:
@@ -272,9 +272,9 @@ def test_a_mover_that_hits_a_standing_robot_ends_it_and_passes_on_to_the_next_on
     first, second = run(world, always(0.0))
     for record, touch_s in ((first, (10.0 - 1.5) / 2.0), (second, (16.0 - 1.5) / 2.0)):
         assert (record.outcome, record.reason) == ("collided", "hit mover 0")
-        assert touch_s <= record.metrics.time_s <= touch_s + 0.125
-        assert record.metrics.path_length_m == 0.0
-        assert record.metrics.collisions == 1
+        assert touch_s <= record.metrics["time_s"] <= touch_s + 0.125
+        assert record.metrics["path_length_m"] == 0.0
+        assert record.metrics["collisions"] == 1
 
 
 def test_a_mover_passes_through_a_robot_that_has_arrived() -> None:
@@ -282,7 +282,7 @@ def test_a_mover_passes_through_a_robot_that_has_arrived() -> None:
     world = a_world(movers=(mover,), starts=starts((0, 0, 0), (0, 9, 0)), goals=(Point(x_m=0, y_m=0),) * 2)
     watcher = always(0.0)
     first, second = run(world, [always(0.0), watcher], sensors=a_ring(1, 1.0, 5.0, tracker=Tracker(range_m=99.0)))
-    assert (first.outcome, first.metrics.time_s, first.metrics.collisions) == ("reached", 0.0, 0)
+    assert (first.outcome, first.metrics["time_s"], first.metrics["collisions"]) == ("reached", 0.0, 0)
     assert second.outcome == "timed_out"
     places = [seen.discs[0, 0] for seen in watcher.seen]
     assert places == pytest.approx([10.0 - 0.2 * k for k in range(100)])
@@ -296,7 +296,7 @@ def test_a_blocked_robot_goes_on_feels_the_touch_and_counts_it() -> None:
         return Command(-1.0, 0.0) if 6.0 < seen.t_s < 7.0 else Command(1.0, 0.0)
 
     record = run_one(a_world(walls=(WALL,)), Scripted(act), options=BLOCK)
-    assert (record.outcome, record.metrics.collisions) == ("timed_out", 2)
+    assert (record.outcome, record.metrics["collisions"]) == ("timed_out", 2)
     assert not any(touched[:41])
     assert all(touched[41:61])
     assert not any(touched[62:70])
@@ -572,15 +572,15 @@ def test_a_controller_that_fails_ends_its_robot_with_the_reason_and_the_others_g
     assert failed.outcome == "controller_error"
     assert words in failed.reason
     assert "\n" not in failed.reason
-    assert failed.metrics.time_s == pytest.approx(1.0)
-    assert failed.metrics.path_length_m == pytest.approx(0.5)
+    assert failed.metrics["time_s"] == pytest.approx(1.0)
+    assert failed.metrics["path_length_m"] == pytest.approx(0.5)
     assert failed.states[-1, :4] == pytest.approx([1.0, 0.5, 0.0, 0.0])
     assert failed.states.shape == (11, 6)
     assert failed.traces.shape == (11, 1)
     assert np.isfinite(failed.states).all()
     assert np.isfinite(failed.traces[:10]).all()
     assert other.outcome == "timed_out"
-    assert other.metrics.path_length_m == pytest.approx(1.5)
+    assert other.metrics["path_length_m"] == pytest.approx(1.5)
 
 
 def test_a_long_reason_is_cut_to_one_short_line() -> None:
@@ -606,7 +606,7 @@ def test_a_controller_that_fails_in_reset_leaves_its_robot_standing_and_the_othe
     )
     assert failed.states[:, :4].tolist() == [[0.0, 0.0, 0.0, 0.5]]
     assert failed.traces.shape == (1, 0)
-    assert (failed.metrics.time_s, failed.metrics.path_length_m, failed.metrics.collisions) == (0.0, 0.0, 0)
+    assert (failed.metrics["time_s"], failed.metrics["path_length_m"], failed.metrics["collisions"]) == (0.0, 0.0, 0)
     assert (other.outcome, other.reason) == ("collided", "hit robot 0")
 
 
@@ -669,7 +669,7 @@ def test_a_trace_whose_names_change_is_the_controllers_error(traces: list[dict[s
     record = run_one(a_world(time_limit_s=1.0), traced(*traces))
     assert record.outcome == "controller_error"
     assert "trace" in record.reason
-    assert record.metrics.time_s == pytest.approx(0.1)
+    assert record.metrics["time_s"] == pytest.approx(0.1)
 
 
 def test_a_trace_in_another_order_keeps_each_number_under_its_name() -> None:
@@ -746,4 +746,4 @@ def test_a_limited_drive_reaches_the_goal_later_by_its_delay_and_its_lag() -> No
     world = a_world(**to(3.33, 0.0005, tolerance_m=0.001))
     ideal = run_one(world, always(0.5))
     record = run_one(world, always(0.5), options=options)
-    assert record.metrics.time_s - ideal.metrics.time_s == pytest.approx(0.35, abs=1e-4)
+    assert record.metrics["time_s"] - ideal.metrics["time_s"] == pytest.approx(0.35, abs=1e-4)

@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from stored import a_cell, a_record, store, told
 
-from navbench.analysis.paths import cut, number_places
 from navbench.analysis.stored import StoredResults
 from navbench.controllers.nemeiksis2019.sections import spells_on_path
 from navbench.report import page
 from navbench.report.described import memberships
+from navbench.report.paths import cut, number_places
 from navbench.report.trajectories import chatter, time_series
 
 HERE = {"label": "A"}

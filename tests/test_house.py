@@ -26,6 +26,7 @@ FLOORS = {
     "robot": 1,
     "sensors": 1,
     "records": 1,
+    "metrics": 1,
     "simulation": 2,
     "episode": 3,
     "experiments": 4,

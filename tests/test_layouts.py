@@ -413,7 +413,7 @@ def test_a_hundred_swapping_robots_drive() -> None:
     assert len(records) == 100
     for record in records:
         assert record.outcome == "timed_out"  # the circle is 254 m wide
-        assert record.metrics.path_length_m > 1.0
+        assert record.metrics["path_length_m"] > 1.0
 
 
 # --- what is refused ---

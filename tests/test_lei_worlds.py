@@ -35,7 +35,7 @@ def danger_span(record: RobotRecord) -> tuple[float, float]:
 
 
 def all_reach(records: tuple[RobotRecord, ...]) -> bool:
-    return all(record.outcome == "reached" and record.metrics.min_clearance_m > 0.0 for record in records)
+    return all(record.outcome == "reached" and record.metrics["min_clearance_m"] > 0.0 for record in records)
 
 
 @pytest.mark.parametrize("rules", ["literal", "safe"])
@@ -43,10 +43,10 @@ def test_at_the_printed_speed_two_robots_exchange_places_in_51_seconds(rules: st
     records = drive("lei_swap", f"controller.build.rules={rules}")
     assert all_reach(records)
     for record in records:
-        assert record.metrics.time_s == pytest.approx(51.35, rel=0.02)
+        assert record.metrics["time_s"] == pytest.approx(51.35, rel=0.02)
         assert danger_span(record) == (12.0, 26.0)
         assert (column(record, "behavior") == 2.0).sum() * PERIOD_S == 6.0
-        assert record.metrics.min_clearance_m == pytest.approx(0.649, rel=0.02)
+        assert record.metrics["min_clearance_m"] == pytest.approx(0.649, rel=0.02)
 
 
 def test_at_the_printed_speed_nothing_is_dangerous_from_50_to_80_seconds() -> None:
@@ -60,7 +60,7 @@ def test_at_the_fitted_speed_the_danger_lasts_from_48_to_80_seconds() -> None:
     assert all_reach(records)
     for record in records:
         assert danger_span(record) == (48.0, 80.0)
-        assert record.metrics.time_s == pytest.approx(153.75, rel=0.02)
+        assert record.metrics["time_s"] == pytest.approx(153.75, rel=0.02)
 
 
 def test_the_robots_never_avoid_an_obstacle_they_follow_it() -> None:
@@ -93,7 +93,7 @@ def test_the_ring_alone_needs_no_radio_and_does_as_well() -> None:
     records = drive("lei_swap", sensors="ring45")
     assert all_reach(records)
     for record, told in zip(records, drive("lei_swap"), strict=True):
-        assert record.metrics.time_s == pytest.approx(told.metrics.time_s, rel=0.05)
+        assert record.metrics["time_s"] == pytest.approx(told.metrics["time_s"], rel=0.05)
         begin, end = danger_span(record)
         assert begin <= 12.0
         assert 16.0 <= end <= 28.0
@@ -115,8 +115,8 @@ def test_robots_cross_a_circle_without_touching(count: int, controller: str, sen
 def test_it_gets_round_what_stands_in_its_way(world: str, time_s: float, clearance_m: float, following: float) -> None:
     (record,) = drive(world)
     assert record.outcome == "reached"
-    assert record.metrics.time_s == pytest.approx(time_s, rel=0.05)
-    assert record.metrics.min_clearance_m == pytest.approx(clearance_m, rel=0.05)
+    assert record.metrics["time_s"] == pytest.approx(time_s, rel=0.05)
+    assert record.metrics["min_clearance_m"] == pytest.approx(clearance_m, rel=0.05)
     assert np.mean(column(record, "behavior") == 2.0) == pytest.approx(following, abs=0.02)
 
 
@@ -141,7 +141,7 @@ def test_following_takes_more_of_the_way_round_a_large_disc_than_round_a_small_o
 def test_without_velocity_awareness_the_robots_notice_each_other_later() -> None:
     aware, unaware = drive("lei_swap"), drive("lei_swap", "controller.build.velocity_aware=false")
     assert danger_span(unaware[0])[0] > danger_span(aware[0])[0]
-    assert unaware[0].metrics.min_clearance_m < aware[0].metrics.min_clearance_m
+    assert unaware[0].metrics["min_clearance_m"] < aware[0].metrics["min_clearance_m"]
 
 
 @pytest.mark.parametrize("count", [3, 4, 6])

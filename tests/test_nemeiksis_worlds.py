@@ -57,8 +57,8 @@ def test_it_arrives_in_the_printed_iterations_and_time_within_a_tenth(
     (record,) = runs(world, *changes)
     assert record.outcome == "reached"
     assert len(record.states) - 1 == pytest.approx(periods, rel=0.1)
-    assert record.metrics.time_s == pytest.approx(time_s, rel=0.1)
-    assert record.metrics.collisions == 0
+    assert record.metrics["time_s"] == pytest.approx(time_s, rel=0.1)
+    assert record.metrics["collisions"] == 0
 
 
 def test_the_printed_times_make_two_periods_and_a_longer_one() -> None:
@@ -110,7 +110,7 @@ def test_to_the_destination_the_angle_stays_and_the_speed_drops() -> None:
 def test_between_the_boxes_it_drives_the_printed_sub_trajectories_with_a_bypass_before_each_wall() -> None:
     (record,) = runs("rooms", FIG_10_PERIOD)
     assert way(record) == [DESTINATION, OBSTACLE, WALL, DESTINATION, OBSTACLE, WALL, DESTINATION]
-    assert record.metrics.min_clearance_m > 0.15
+    assert record.metrics["min_clearance_m"] > 0.15
 
 
 @pytest.mark.parametrize("world", ["bypass", "wall", "destination", "rooms"])
@@ -119,7 +119,7 @@ def test_starts_beside_the_printed_one_reach_too_by_the_same_way(world: str) -> 
     for record in runs(world, "start_jitter_m=0.05", episodes=30):
         assert record.outcome == "reached"
         assert way(record) == way(nominal)
-        assert record.metrics.time_s == pytest.approx(nominal.metrics.time_s, rel=0.05)
+        assert record.metrics["time_s"] == pytest.approx(nominal.metrics["time_s"], rel=0.05)
 
 
 @pytest.mark.parametrize("world", ["bypass", "rooms"])

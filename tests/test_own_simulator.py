@@ -30,7 +30,7 @@ class Circles(Simulator):
     packages = ("pytest",)
 
     def build(self):
-        self.discs = [(Thing("disc", i), (d.x_m, d.y_m), d.radius_m) for i, d in enumerate(self.scene.world.discs)]
+        self.discs = [(Thing("disc", i), (d.x_m, d.y_m), d.radius_m) for i, d in enumerate(self.scene.layout.discs)]
 
     def place(self):
         robots = [(Thing("robot", i), (r.x_m, r.y_m), self.robot.radius_m) for i, r in enumerate(self.states())]

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
@@ -22,11 +23,13 @@ def block_after(words: str, language: str) -> str:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A user's folder, with the README's own controller and world."""
-    for group in ("controller", "world"):
+    for group in ("controller", "world", "study"):
         (tmp_path / "conf" / group).mkdir(parents=True)
     (tmp_path / "mine.py").write_text(block_after("`mine.py`", "python"))
     (tmp_path / "conf/controller/mine.yaml").write_text(block_after("`conf/controller/mine.yaml`", "yaml"))
     (tmp_path / "conf/controller/sized.yaml").write_text(block_after("drive robots of", "yaml"))
+    (tmp_path / "conf/study/quicker.yaml").write_text(block_after("`conf/study/quicker.yaml`", "yaml"))
+    (tmp_path / "turns.py").write_text(block_after("`turns.py`", "python"))
     (tmp_path / "conf/world/gate.yaml").write_text(block_after("`conf/world/gate.yaml`", "yaml"))
     return tmp_path
 
@@ -56,6 +59,19 @@ def test_your_own_world_runs(folder: Path) -> None:
     printed = navbench(folder, "--config-dir", "conf", "controller=sflc", "world=gate")
     assert re.search(r"^sflc +gate +khepera3 +\d of 1 ", printed, re.M)
     assert "controller_error" not in printed
+
+
+def test_your_own_study_answers_its_claims_with_a_measure_of_your_own(folder: Path) -> None:
+    printed = navbench(folder, "study", "quicker", "--config-dir", "conf", "workers=2")
+    assert "report: results/quicker/report.md" in printed
+    table = pd.read_csv(folder / "results/quicker/claims.csv").set_index("id")
+    assert table["verdict"].to_dict() == {"quicker": "contradicted", "turns": "supported"}
+    assert table["n"].tolist() == [20, 20]
+    refused = subprocess.run([NAVBENCH, "report", "outputs/study/quicker"], cwd=folder, capture_output=True, text=True)
+    assert refused.returncode == 2
+    assert "turns.most_turning: lies outside navbench; --trust" in refused.stderr
+    navbench(folder, "report", "outputs/study/quicker", "--trust", "out=again")
+    assert (folder / "again/claims.csv").read_bytes() == (folder / "results/quicker/claims.csv").read_bytes()
 
 
 def test_the_readme_prints_what_the_first_command_prints(folder: Path) -> None:

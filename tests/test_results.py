@@ -41,7 +41,7 @@ EPISODE_COLUMNS = [
     "run_id", "controller", "world", "robot", "sensors", "simulator", "config_hash", "seed", "episode", "robot_index",
     "outcome", "reason", "traceback", "hit", "hit_index", "path_length_m", "time_s", "collisions", "min_clearance_m",
     "mean_speed_mps", "heading_ise", "total_turning_rad", "w_sign_changes", "robot_collisions", "standing_collisions",
-    "goal_distance_m",
+    "goal_distance_m", "layout_id",
 ]  # fmt: skip
 STATE_COLUMNS = ["run_id", "episode", "robot_index", "t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps"]
 
@@ -340,7 +340,7 @@ def test_what_a_kill_leaves_is_whole(tmp_path: Path, once: Results, victim: str)
     workers = workers_of(run.pid)
     assert workers
     os.kill(workers[0] if victim == "a worker" else run.pid, signal.SIGKILL)
-    _, err = run.communicate(timeout=60.0)  # which waits for the workers too, for they hold the pipe
+    _, err = run.communicate(timeout=300.0)  # which waits for the workers too, for they hold the pipe
     if victim == "a worker":
         assert run.returncode == 0, err
         assert list(Results(tmp_path).episodes()["episode"]) == list(range(300))

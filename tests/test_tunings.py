@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from stored import metrics_of
 
 from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tuned import source_keys
 from navbench.experiments.store import Results
 from navbench.experiments.tunings import Objective, run_tuning
-from navbench.mathematics.metrics import Metrics
 from navbench.records import Outcome, RobotRecord
 from navbench.tuning.space import Choice, Dimension
 from navbench.validation import DescriptionError, describe
@@ -370,7 +370,7 @@ def file_of(name: str) -> Objective:
 
 
 def record(outcome: Outcome, length_m: float, time_s: float, clearance_m: float) -> RobotRecord:
-    metrics = Metrics(length_m, time_s, 0, clearance_m, 1.0, 0.0, 0.0, 0, 0, 0, 2.5)
+    metrics = metrics_of(length_m, time_s, 0, clearance_m, 1.0, 0.0, 0.0, 0, 0, 0, 2.5)
     return RobotRecord(0, outcome, "", metrics, np.zeros((1, 6)), np.empty((1, 0)), (), np.empty(0))
 
 

@@ -134,7 +134,7 @@ def test_three_robots_meet_and_all_arrive(name: str) -> None:
         flc, situation = (record.traces[:-1, record.trace_names.index(n)] for n in ("active_flc", "special_situation"))
         assert 0.0 < flc.mean() < 1.0
         assert not situation[flc == 0.0].any()
-    assert records[0].metrics.path_length_m > math.hypot(100.0, 100.0) - 2.0
+    assert records[0].metrics["path_length_m"] > math.hypot(100.0, 100.0) - 2.0
 
 
 def test_without_an_acceleration_limit_it_hardly_moves_on_among_discs() -> None:

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from navbench.analysis.paths import cut, number_places
 from navbench.controllers.aouf2019.phases import phases as phases_of
 from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import PALETTE, draw_world, label_legend, nested_width, new_figure
 from navbench.report.page import Page, Select
+from navbench.report.paths import cut, number_places
 
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 SWEPT = "#444444"

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from navbench.analysis.paths import cut, number_places
 from navbench.analysis.traces import spells
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.figures import PALETTE, draw_circle, draw_world, new_figure
 from navbench.report.page import Page, Select
+from navbench.report.paths import cut, number_places
 
 NEAR = 0.03  # of a picture's width: numbers of places nearer to each other stand together
 SIDE_INCHES, WORDS_INCHES = 6.0, 1.0  # the longer side of a picture of one path, and the words around it

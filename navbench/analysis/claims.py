@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic.dataclasses import dataclass
 
-from navbench.analysis.measures import level
+from navbench.analysis.comparisons import level
 from navbench.analysis.measuring import arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults
 from navbench.mathematics.statistics import Estimate

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from navbench.analysis.fleets import fleets
 from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics.statistics import (
@@ -74,3 +75,17 @@ def compare(stored: StoredResults, select: Mapping[str, Any], label: str, refere
         length_m,
         share((both["path_length_m"] < both["path_length_m_other"]).to_numpy()) if len(both) else None,
     )
+
+
+def level(stored: StoredResults, metric: str, select: Mapping[str, Any]) -> float:
+    """Return the figure of one controller of which ``measures.difference`` takes two."""
+    rows = stored.select(**select)
+    if metric == "success":
+        return float(fleets(rows)["success"].mean())
+    arrived = (rows["outcome"] == "reached").to_numpy()
+    if metric == "reached":
+        return float(arrived.mean())
+    if metric == "time_s":
+        rng = np.random.default_rng(RESAMPLING_SEED)
+        return restricted_mean(rows["time_s"].to_numpy(), arrived, stored.shared_time_limit_s(rows), rng).value
+    return float(rows[metric][arrived].median())

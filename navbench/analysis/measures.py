@@ -17,10 +17,8 @@ from navbench.mathematics.statistics import (
     Estimate,
     bootstrap_median,
     newcombe_paired,
-    restricted_mean,
     restricted_mean_difference,
 )
-from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,21 +48,25 @@ def share_of_fleets(stored: StoredResults, select: Select) -> Estimate | None:
 
 
 def share_better(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
-    """Return the share of pairs in which one controller's metric is less than the other's.
+    """Return the share of pairs in which one controller's metric is better than the other's.
 
     A pair is a world, seed, episode and robot that both meet; where one has been tuned several times, each tuning
     makes a pair. A failure counts as worse than any arrival; pairs in which both fail are left out.
 
     Args:
         stored: the study's results.
-        metric: the metric's name; less is better.
+        metric: the metric's name, which is declared to be better one way.
         select: the cells that are said to be better.
         than: the cells that they are compared with.
+
+    Raises:
+        DescriptionError: neither way is better, or there is no such metric.
     """
+    sign = stored.sign_of(metric)
     rows = stored.pairs(select, than, each=True)
     here, there = outcomes(rows).values()
     rows, here, there = rows[here | there], here[here | there], there[here | there]
-    better = here & (~there | (rows[metric] < rows[f"{metric}_other"]).to_numpy())
+    better = here & (~there | (sign * rows[metric] < sign * rows[f"{metric}_other"]).to_numpy())
     return share_of(better)
 
 
@@ -93,23 +95,9 @@ def difference(stored: StoredResults, metric: str, select: Select, than: Select)
     values = pairs[metric].to_numpy(), pairs[f"{metric}_other"].to_numpy()
     rng = np.random.default_rng(RESAMPLING_SEED)
     if metric == "time_s":
-        return restricted_mean_difference(values[0], here, values[1], there, _limit_s(stored, pairs), rng)
+        return restricted_mean_difference(values[0], here, values[1], there, stored.shared_time_limit_s(pairs), rng)
     both = here & there
     return bootstrap_median((values[0] - values[1])[both], rng) if both.any() else None
-
-
-def level(stored: StoredResults, metric: str, select: Select) -> float:
-    """Return the figure of one controller of which ``difference`` takes two."""
-    rows = stored.select(**select)
-    if metric == "success":
-        return float(fleets(rows)["success"].mean())
-    arrived = (rows["outcome"] == "reached").to_numpy()
-    if metric == "reached":
-        return float(arrived.mean())
-    if metric == "time_s":
-        rng = np.random.default_rng(RESAMPLING_SEED)
-        return restricted_mean(rows["time_s"].to_numpy(), arrived, _limit_s(stored, rows), rng).value
-    return float(rows[metric][arrived].median())
 
 
 def described_value(stored: StoredResults, table: str, column: str, where: Select) -> Estimate | None:
@@ -134,13 +122,3 @@ def _fleets(stored: StoredResults, select: Select) -> "pd.DataFrame":
     """Return one row an episode with the names that make its pairs."""
     rows = stored.select(**select)
     return fleets(rows).merge(rows[["run_id", "world", "seed"]].drop_duplicates(), on="run_id")
-
-
-def _limit_s(stored: StoredResults, rows: "pd.DataFrame") -> float:
-    """Return the time limit of all worlds of some rows or pairs [s]."""
-    runs = {run_id for column in ("run_id", "run_id_other") if column in rows for run_id in rows[column]}
-    limits_s = {stored.time_limit_s(run_id) for run_id in runs}
-    if len(limits_s) != 1:
-        worlds = ", ".join(sorted(set(rows["world"])))
-        raise DescriptionError(f"{stored.results.path}: {worlds}: the worlds must share one time limit")
-    return float(limits_s.pop())

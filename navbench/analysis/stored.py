@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.experiments.store import Results, ResultsError
+from navbench.metrics import DECLARED, Metric
 from navbench.validation import DescriptionError
 from navbench.world.layout import DrawnWorld, in_common, layout_of
 from navbench.world.world import drawn
@@ -45,6 +46,25 @@ class StoredResults:
         A cell that stands under two names gives its rows twice.
         """
         return self.cells.merge(self.results.episodes(), on="run_id")
+
+    @cached_property
+    def metrics(self) -> dict[str, Metric]:
+        """What was measured, by name, as the manifest declares it."""
+        told = [Metric(**metric) for metric in self.manifest.get("metrics", [])]
+        return {metric.name: metric for metric in told or DECLARED}
+
+    def sign_of(self, metric: str) -> int:
+        """Return 1 where less of a metric is better, and -1 where more is.
+
+        Raises:
+            DescriptionError: neither is, or there is no such metric.
+        """
+        signs = {name: 1 if told.better == "less" else -1 for name, told in self.metrics.items() if told.better}
+        if metric not in signs:
+            raise DescriptionError(
+                f"metric={metric}: must be one of which less or more is better, of {', '.join(signs)}"
+            )
+        return signs[metric]
 
     def trajectories(self, run_id: str) -> "pd.DataFrame":
         """Return the trajectories of one run."""
@@ -141,6 +161,19 @@ class StoredResults:
     def time_limit_s(self, run_id: str) -> float:
         """Return when the episodes of a cell end for every robot still running [s]."""
         return float(self.configuration(run_id)["configuration"]["world"]["time_limit_s"])
+
+    def shared_time_limit_s(self, rows: "pd.DataFrame") -> float:
+        """Return the one time limit of all cells of some episodes or pairs [s].
+
+        Raises:
+            DescriptionError: they have several.
+        """
+        runs = {run_id for column in ("run_id", "run_id_other") if column in rows for run_id in rows[column]}
+        limits_s = {self.time_limit_s(run_id) for run_id in runs}
+        if len(limits_s) != 1:
+            worlds = ", ".join(sorted(set(rows["world"])))
+            raise DescriptionError(f"{self.results.path}: {worlds}: the worlds must share one time limit")
+        return limits_s.pop()
 
     def world_in_common(self, run_id: str) -> DrawnWorld | None:
         """Return what stands in all episodes of a cell, or None where no layout is stored."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from navbench.cli.building import check_keys, controller_maker, simulator_class
 from navbench.cli.composing import Composed, composing
+from navbench.cli.metrics import metrics_of
 from navbench.cli.worlds import world_of
 from navbench.episode.similarity import Native, Similarity, period_s
 from navbench.episode.starts import Jitter
@@ -73,9 +74,10 @@ def cell_of(run: Composed) -> Cell:
         raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
     alone = run.values["episode"]
     jitter = {key: run.values[key] for key in ("start_jitter_m", "start_heading_jitter_rad")}
+    metrics = {"metrics": [{"_target_": name} for name in run.values["metrics"]]} if run.values["metrics"] else {}
     return Cell(
         names=names,
-        configuration={**groups, **jitter},
+        configuration={**groups, **jitter, **metrics},
         sources=sources,
         controller=make_controller.func,
         native=native,
@@ -88,6 +90,7 @@ def cell_of(run: Composed) -> Cell:
         seed=run.values["seed"],
         episodes=run.values["episodes"] if alone is None else 1,
         first_episode=alone or 0,
+        metrics=metrics_of(run.values["metrics"]),
     )
 
 

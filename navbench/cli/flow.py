@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from navbench.cli.errors import one_line
 from navbench.cli.progress import Step, complain, progress
 from navbench.cli.tables import write_tables
 from navbench.experiments.plan import Plan
@@ -56,6 +57,12 @@ def carry_out(
         far = f" after {step.done} of {step.of} {step.what.split()[-1]}" if step else ""
         complain(f"interrupted{far}; they are kept in {path}, and this goes on from there: {again}")
         return INTERRUPTED
+    except OSError as error:  # a full disk, say
+        if step is None or not Results(path).finished():
+            raise
+        kinds = f"{step.done} of {step.of} {step.what.split()[-1]}"
+        complain(f"{kinds} are kept in {path}: {one_line(error)}; this goes on from there: {again}")
+        return UNFINISHED
     finish(ran.results)
     planned = ran.planned + missing
     if ran.finished == planned:

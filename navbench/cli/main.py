@@ -64,8 +64,9 @@ def main() -> None:
 
 
 def _command(arguments: list[str]) -> int:
-    if arguments[:1] == ["--config-dir"] and arguments[2:3] and arguments[2] in VERBS:
-        arguments = [arguments[2], *arguments[:2], *arguments[3:]]  # the flag may stand before the verb, too
+    verbs = (i for i, word in enumerate(arguments) if word in VERBS and arguments[i - 1] not in ("--config-dir", "-cd"))
+    place = next(verbs, 0)  # flags may stand before the verb
+    arguments = [*arguments[place : place + 1], *arguments[:place], *arguments[place + 1 :]]
     first = arguments[0] if arguments else "--help"
     if first in ("-h", "--help", "help"):
         print(HELP, end="")

@@ -45,7 +45,7 @@ class CellSpec:
         trajectories: whether to keep the trajectories.
     """
 
-    name: str
+    name: str = "cells"
     label: str = ""
     controllers: Mapping[str, Words] | None = None
     overrides: Words

@@ -53,18 +53,20 @@ def _table_of(results: Results) -> "pd.DataFrame":
     There is a column for each key in which cells of the same names differ, and where episodes are missing, the column
     ``planned``: how many rows there should be.
     """
+    from navbench.analysis.stored import StoredResults
     from navbench.report.tables import summarize
 
     manifest = results.manifest()["cells"]
     cells = {cell["run_id"]: cell for cell in reversed(manifest)}
     order = {cell["run_id"]: place for place, cell in enumerate(manifest)}
-    table = summarize(results.episodes()).sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
+    episodes, metrics = results.episodes(), StoredResults(results).metrics.values()
+    table = summarize(episodes, metrics).sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
     mine = [cells[run_id] for run_id in table["run_id"]]
     table["controller"] = [cell["label"] for cell in mine]
     _tell_apart(table, mine)
     planned = _planned(manifest)
     rows = [len(planned[run_id]) * robots for run_id, robots in zip(table["run_id"], table["robots"], strict=True)]
-    there = results.episodes().groupby("run_id").size()
+    there = episodes.groupby("run_id").size()
     if rows != [there[run_id] for run_id in table["run_id"]]:
         table.insert(len(NAMES), "planned", rows)
     return table

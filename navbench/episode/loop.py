@@ -1,10 +1,12 @@
 """One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
 
 import math
+import reprlib
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from operator import itemgetter
 
 import numpy as np
@@ -15,8 +17,8 @@ from navbench.episode.failures import ContractError, Failure, failure, velocitie
 from navbench.episode.perception import Perception
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
-from navbench.mathematics.metrics import Metrics, bearing_errors, heading_ise, sign_changes
 from navbench.mathematics.streams import stream
+from navbench.metrics import METRICS, MetricFunction, RobotRun, declared
 from navbench.records import Outcome, RobotRecord, Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -79,6 +81,7 @@ class EpisodeRunner:
         sensors: the sensor suite, as drawn: it is scaled here.
         seed: the seed of all streams.
         jitter: of the starts.
+        metrics: what is measured of each robot.
 
     Raises:
         DescriptionError: these do not fit together (see ``World.check_fits``).
@@ -95,10 +98,11 @@ class EpisodeRunner:
         sensors: Sensors,
         seed: int,
         jitter: Jitter,
+        metrics: Sequence[MetricFunction] = METRICS,
     ) -> None:
         world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
-        self.make_controller, self.seed = make_controller, seed
+        self.make_controller, self.seed, self._metrics = make_controller, seed, metrics
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
@@ -124,7 +128,8 @@ class EpisodeRunner:
         try:
             starts = self.starts(episode)
         except DescriptionError as error:  # one bad draw costs its episode, not the study
-            return [RobotRecord.lost(i, "no_layout", str(error)) for i in range(self._template.robots)]
+            metrics = declared(self._metrics)
+            return [RobotRecord.lost(i, "no_layout", str(error), metrics) for i in range(self._template.robots)]
         simulator, time_limit_s = self.simulator, self._template.time_limit_s
         simulator.reset(self._world, starts, self._template.goal_tolerance_m)
         pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
@@ -219,41 +224,55 @@ class EpisodeRunner:
         if pilot.outcome == "controller_error":
             states = states[:-1] if pilot.states else states
             traces = traces[: len(states)]
-        durations = np.diff(states[:, 0])
-        n = len(durations)
-        goal, contacts = self._world.goals[index], self.simulator.contacts[index]
-        if "heading_error_rad" in names:
-            errors = traces[:n, names.index("heading_error_rad")]
-        else:
-            errors = bearing_errors(states[:n, 1:4], goal.x_m, goal.y_m)
-        metrics = Metrics(
-            path_length_m=robot.path_length_m,
+        contacts = self.simulator.contacts[index]
+        run = RobotRun(
+            robot_index=index,
+            outcome=pilot.outcome,
             time_s=pilot.end_s,
+            path_length_m=robot.path_length_m,
+            turning_rad=robot.turning_rad,
+            min_clearance_m=robot.min_clearance_m,
             collisions=contacts.total,
             robot_collisions=contacts.with_robots,
             standing_collisions=contacts.standing,
-            min_clearance_m=robot.min_clearance_m,
-            mean_speed_mps=robot.path_length_m / pilot.end_s if pilot.end_s > 0.0 else 0.0,
-            heading_ise=heading_ise(errors, durations),
-            total_turning_rad=robot.turning_rad,
-            w_sign_changes=sign_changes(states[:n, 5]),
-            goal_distance_m=math.hypot(goal.x_m - robot.x_m, goal.y_m - robot.y_m),
+            states=states,
+            traces=traces,
+            trace_names=names,
+            radius_m=self._robot.radius_m,
+            layout=self._world,
         )
-        latencies = np.array(pilot.latencies_s)
-        said = Failure(f"hit {pilot.hit}") if pilot.hit else pilot.failure
+        metrics, faults = _measured(self._metrics, run)
+        said = [Failure(f"hit {pilot.hit}") if pilot.hit else pilot.failure, *faults]
         return RobotRecord(
             index,
             pilot.outcome,
-            said.reason,
+            "; ".join(failed.reason for failed in said if failed.reason),
             metrics,
             states,
             traces,
             names,
-            latencies,
+            np.array(pilot.latencies_s),
             pilot.hit,
             self._world,
-            said.traceback,
+            "\n".join(failed.traceback for failed in said if failed.traceback),
         )
+
+
+def _measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str, float], list[Failure]]:
+    """Return each metric's value by its name, nan where it could not be computed, and why."""
+    values: dict[str, float] = {}
+    faults = []
+    for function, metric in zip(metrics, declared(metrics), strict=True):
+        try:
+            value = function(run)
+            if not isinstance(value, Real):
+                raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
+            values[metric.name] = value if type(value) is int else float(value)
+        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more
+            fault = failure(error, function)
+            values[metric.name] = math.nan
+            faults.append(fault._replace(reason=f"metric {metric.name}: {fault.reason}"))
+    return values, faults
 
 
 class _Absent:

@@ -14,6 +14,7 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
+from navbench.metrics import METRICS, MetricFunction, declared
 from navbench.records import CellKey, Names, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -51,6 +52,7 @@ class Cell:
         keep_trajectories: whether they are kept beside the table of episodes.
         tuning: the name of the tuning whose best parameters it takes; empty for none.
         tuning_seed: that tuning's seed; -1 without one.
+        metrics: what is measured of each robot.
     """
 
     names: Names
@@ -72,6 +74,7 @@ class Cell:
     keep_trajectories: bool = True
     tuning: str = ""
     tuning_seed: int = -1
+    metrics: tuple[MetricFunction, ...] = METRICS
 
     @property
     def make_controller(self) -> partial[Controller]:
@@ -101,6 +104,7 @@ class Cell:
             tuning=self.tuning,
             tuning_seed=self.tuning_seed,
             packages=self.simulator.packages,
+            metrics=declared(self.metrics),
         )
 
     def with_parameters(self, values: Mapping[str, Any]) -> "Cell":
@@ -129,6 +133,7 @@ class Cell:
             sensors=self.sensors,
             seed=self.seed,
             jitter=self.jitter,
+            metrics=self.metrics,
         )
 
 
@@ -216,8 +221,9 @@ def _pieces(batch: Batch) -> list[Batch]:
 def _lost(batch: Batch) -> Records:
     """Return what is known of episodes whose process died: that it did."""
     reason = "the controller's process died"
-    robots = range(batch.cell.world.robots)
-    return [(episode, RobotRecord.lost(i, "controller_error", reason)) for episode in batch.episodes for i in robots]
+    metrics = declared(batch.cell.metrics)
+    lost = [RobotRecord.lost(i, "controller_error", reason, metrics) for i in range(batch.cell.world.robots)]
+    return [(episode, record) for episode in batch.episodes for record in lost]
 
 
 def _join(parts: Sequence[Records | DescriptionError]) -> Records | DescriptionError:

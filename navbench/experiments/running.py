@@ -166,11 +166,11 @@ class _Running:
         parts = whole | dict(zip(map(unfinished_name, keys), codes, strict=True))
         self.results.keep_only(["evaluations"], parts)
         stale = self._of_other_code("evaluations", parts)
-        self.results.keep_only(["evaluations"], set(parts) - stale)
+        self.results.keep_only(["evaluations"], set(parts) - (stale - set(whole)))
         todo = [
             _Search(tuning, self.results, code)
             for tuning, (name, code) in zip(self.plan.tunings, whole.items(), strict=True)
-            if not self.results.has("evaluations", name)
+            if name in stale or not self.results.has("evaluations", name)
         ]
         budgets = [search.tuning.budget for search in todo]
         done = 0

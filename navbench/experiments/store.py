@@ -8,6 +8,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from navbench.experiments.files import Replacing, discard_empty
 from navbench.experiments.rows import latency_table, trajectory_table
+from navbench.metrics import Metric
 from navbench.records import CellKey, Names, RobotRecord, TuningKey
 from navbench.validation import DescriptionError
 from navbench.world.layout import layout_id
@@ -76,6 +78,7 @@ class Results:
             "cells": [_described(cell) for cell in cells],
             "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
             "versions": {name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.packages)})},
+            "metrics": [_plain(metric) for metric in dict.fromkeys(m for cell in cells for m in cell.metrics)],
             "python": platform.python_version(),
             "platform": f"{platform.system()} {platform.machine()}",
             "commit": commit,
@@ -350,8 +353,14 @@ def _is_other_work(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
 def _described(cell: CellKey) -> dict[str, Any]:
     values = cell._asdict()
     names: Names = values.pop("names")
-    values.pop("packages")  # they stand among the versions
+    for name in ("packages", "metrics"):  # they stand once for all cells
+        values.pop(name)
     return {**values, **names._asdict(), "configuration": dict(cell.configuration), "sources": dict(cell.sources)}
+
+
+def _plain(metric: Metric) -> dict[str, Any]:
+    """Return what a metric is as plain values."""
+    return {name: value for name, value in asdict(metric).items() if name != "lost"}
 
 
 def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]) -> "pa.Table":
@@ -370,7 +379,7 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], la
             "traceback": record.traceback,
             "hit": "" if record.hit is None else record.hit.kind,
             "hit_index": -1 if record.hit is None else record.hit.index,
-            **record.metrics._asdict(),
+            **record.metrics,
             "layout_id": layouts.get(episode, ""),
         }
         for episode, record in records

@@ -13,7 +13,7 @@ from navbench.contract import FloatArray
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
 from navbench.experiments.engines import Work, run
-from navbench.mathematics.metrics import Metrics
+from navbench.metrics import declared
 from navbench.records import RobotRecord, TuningKey
 from navbench.tuning.search import Tuner, batches
 from navbench.tuning.space import Repair, Side, space_of
@@ -60,18 +60,15 @@ class Objective:
     failed: Mapping[str, Number] | None = None
 
     def __post_init__(self) -> None:
-        """Check the metrics' names."""
-        if not self.weights or not set(self.weights) <= set(Metrics._fields):
-            raise DescriptionError(f"weights: must name at least one of {', '.join(Metrics._fields)}, and no other")
-        counting = {*self.weights, *(() if self.danger is None else ("min_clearance_m",))}
-        if self.failed is not None and set(self.failed) != counting:
-            names = ", ".join(name for name in Metrics._fields if name in counting)
-            raise DescriptionError(f"failed: must name {names}, of which the cost is made, and no other")
+        """Check the metrics' names, as far as they are known without a cell."""
+        counting = dict.fromkeys([*self.weights, *(() if self.danger is None else ("min_clearance_m",))])
+        if self.failed is not None and set(self.failed) != set(counting):
+            raise DescriptionError(f"failed: must name {', '.join(counting)}, of which the cost is made, and no other")
 
     def cost(self, record: RobotRecord) -> float:
         """Return what one robot's episode costs."""
         reached = record.outcome == "reached"
-        metrics: Mapping[str, float] = record.metrics._asdict()
+        metrics = record.metrics
         if self.failed is not None and not reached:
             metrics = self.failed
         cost = math.fsum(weight * metrics[name] for name, weight in self.weights.items() if weight > 0.0)
@@ -79,7 +76,7 @@ class Objective:
             cost += self.danger.cost_of(metrics["min_clearance_m"])
         if reached:
             return cost
-        return cost + self.failure_cost + self.failure_cost_per_m * record.metrics.goal_distance_m
+        return cost + self.failure_cost + self.failure_cost_per_m * record.metrics["goal_distance_m"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,11 +113,14 @@ class Tuning:
     repair: Repair | None = None
 
     def __post_init__(self) -> None:
-        """Check that the budget suffices, and that the repair can mend the parameters from which the search starts.
+        """Check the metrics that cost, the budget, and that the repair can mend where the search starts.
 
         Raises:
             DescriptionError: one line that names the key, its value and what is allowed.
         """
+        known, weights = [metric.name for metric in declared(self.cells[0].metrics)], self.objective.weights
+        if not weights or not set(weights) <= set(known):
+            raise DescriptionError(f"objective.weights: must name at least one of {', '.join(known)}, and no other")
         if not self.tuner.population <= self.budget <= BUDGET_MAX:
             raise DescriptionError(
                 f"budget={self.budget}: must be at least {self.tuner.population}, the first population of "

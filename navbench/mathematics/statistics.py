@@ -54,20 +54,6 @@ class WinRatio(NamedTuple):
     ratio: Estimate
 
 
-class Significance(NamedTuple):
-    """What a test of "no difference" says.
-
-    Attributes:
-        statistic: the test's statistic.
-        p_value: the two-sided probability of one at least as extreme, if there is no difference.
-        n: the pairs that the test used.
-    """
-
-    statistic: float
-    p_value: float
-    n: int
-
-
 class Ranking(NamedTuple):
     """What a test over several treatments says, with their average ranks.
 
@@ -270,31 +256,6 @@ def bootstrap_median(values: FloatArray, rng: np.random.Generator, *, confidence
         confidence: the nominal coverage, in (0, 1).
     """
     return _bootstrapped(_numbers("values", values), np.median, "percentile", 0.0, rng, confidence)
-
-
-def wilcoxon_paired(a: FloatArray, b: FloatArray) -> Significance:
-    """Return the signed-rank test of paired differences, Wilcoxon (1945), Biometrics Bull. 1:80-83.
-
-    The statistic is the smaller of the two rank sums. Pairs without a difference are dropped, as in the paper, and n
-    counts those left; where none is left, p is 1. The distribution is exact for small samples, and normal otherwise.
-    Assumes that under "no difference" a difference is as likely as its opposite.
-
-    Args:
-        a: (n,) one side's finite numbers, n >= 2.
-        b: (n,) the other side's in the same order.
-    """
-    a, b = _numbers("a", a), _numbers("b", b)
-    n = _paired_length("a", a, "b", b)
-    if n < 2:
-        raise ValueError(f"the signed-rank test needs at least 2 pairs, not {n}")
-    differences = a - b
-    differences = differences[differences != 0.0]
-    if differences.size == 0:
-        return Significance(0.0, 1.0, 0)
-    from scipy.stats import wilcoxon
-
-    result = wilcoxon(differences)
-    return Significance(float(result.statistic), float(result.pvalue), differences.size)
 
 
 def friedman(table: FloatArray) -> Ranking:

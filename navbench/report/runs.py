@@ -47,6 +47,7 @@ class Joined(Results):
         return {
             **manifests[0],
             "cells": cells,
+            "metrics": [one for manifest in manifests for one in manifest.get("metrics", [])],
             "tunings": [one for manifest in manifests for one in manifest["tunings"]],
         }
 

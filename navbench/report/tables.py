@@ -1,10 +1,11 @@
 """Tables of stored results: a row a cell, every mean beside how many robots it is a mean of."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fleets import fleets
 from navbench.mathematics.statistics import wilson
+from navbench.metrics import DECLARED, Metric
 from navbench.report.document import Blocks, Column, Lines, Paragraph, number
 from navbench.report.page import Page
 
@@ -12,25 +13,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 KEYS = ("controller", "world", "robot", "sensors", "simulator", "seed")
-MEANS = (
-    "path_length_m",
-    "time_s",
-    "min_clearance_m",
-    "mean_speed_mps",
-    "heading_ise",
-    "total_turning_rad",
-    "w_sign_changes",
-)
+MEANS = tuple(metric.name for metric in DECLARED if metric.averaged)
 FAILURES = ("collided", "timed_out", "controller_error", "no_layout")
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
 FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
 COUNTS = {"reached": "of", "fleets": "episodes"}  # counts, and of how many
-UNITS = {"m": "m", "s": "s", "mps": "m/s", "rad": "rad"}
-SUMMED = ("collisions", *MEANS, *FAILURES, "makespan_s")
+COLUMNS = (*KEYS, "reached", "of", "collisions", *MEANS, *FAILURES, "robots", "episodes", *FLEET, "run_id")
 WHERE_MANY = ("sensors", "simulator", "seed")  # printed where a table's cells differ in them
 
 
-def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
+def summarize(episodes: "pd.DataFrame", metrics: Iterable[Metric] = DECLARED) -> "pd.DataFrame":
     """Return one row a cell.
 
     Means are over the robots that reached their goals and over no others: a robot that failed early would otherwise
@@ -38,6 +30,7 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 
     Args:
         episodes: the table of episodes.
+        metrics: what was measured.
 
     Returns:
         Columns controller, world, robot, sensors, simulator, seed, reached of how many, collisions (the sum over all
@@ -46,13 +39,14 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
     """
     import pandas as pd
 
+    means = [metric.name for metric in metrics if metric.averaged and metric.name in episodes]
     rows = []
     for run_id, group in episodes.groupby("run_id", sort=False):
         reached = group[group["outcome"] == "reached"]
         row = {key: group[key].iloc[0] for key in KEYS}
         row |= {"reached": len(reached), "of": len(group)}
         row["collisions"] = int(group["collisions"].sum())
-        row |= {name: reached[name].mean() for name in MEANS}
+        row |= {name: reached[name].mean() for name in means}
         row |= {name: int((group["outcome"] == name).sum()) for name in FAILURES}
         row |= _fleet_columns(group)
         rows.append({**row, "run_id": run_id})
@@ -62,14 +56,15 @@ def summarize(episodes: "pd.DataFrame") -> "pd.DataFrame":
 def to_text(summary: "pd.DataFrame") -> str:
     """Return the table for a terminal: the columns that a reader asks for first; means are over the reached.
 
-    Where several robots drive together, what the fleets did is printed too. Sensors, simulator and seed are printed
-    where they differ, and so is every column that is not ``summarize``'s own.
+    Metrics beside navbench's own are printed, and where several robots drive together, what the fleets did. Sensors,
+    simulator and seed are printed where they differ, and so is every column that is not ``summarize``'s own.
     """
-    usual = {*KEYS, "reached", "of", "collisions", *MEANS, *FAILURES, "robots", "episodes", *FLEET, "run_id"}
-    more = [name for name in summary.columns if name not in usual]
+    names = list(summary.columns)
+    added = names[names.index(MEANS[-1]) + 1 : names.index(FAILURES[0])]
+    more = [name for name in names if name not in (*COLUMNS, *added)]
     more += [name for name in WHERE_MANY if summary[name].nunique() > 1]
     many = FLEET if (summary["robots"] > 1).any() else ()
-    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:], *many), "simple")
+    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:], *added, *many), "simple")
 
 
 def _fleet_columns(group: "pd.DataFrame") -> dict[str, object]:
@@ -92,8 +87,8 @@ def to_markdown(summary: "pd.DataFrame") -> str:
 
 
 def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
-    """Return a line for each of the first robots that failed: which, how and why."""
-    failed = episodes[episodes["outcome"] != "reached"]
+    """Return a line for each of the first robots that failed, or of which a metric failed: which, how and why."""
+    failed = episodes[(episodes["outcome"] != "reached") | (episodes["reason"] != "")]
     lines = [
         f"{row['controller']} in {row['world']}, seed {row['seed']}, episode {row['episode']}, robot "
         f"{row['robot_index']}: {row['outcome']} after {row['time_s']:.2f} s"
@@ -107,14 +102,19 @@ def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
 def summary(page: Page) -> Blocks:
     """Return one row a cell: who arrived, and the means of those."""
     cells = page.stored.cells.drop_duplicates("run_id")
-    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.episodes), on="run_id")
+    metrics = page.stored.metrics.values()
+    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.episodes, metrics), on="run_id")
+    means = [metric for metric in metrics if metric.name in table]
+    summed = ["collisions", *(metric.name for metric in means), *FAILURES, "makespan_s"]
     rows = []
     for row in table.to_dict("records"):
         arrived = wilson(row["reached"], row["of"])
-        rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in SUMMED)])
+        rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in summed)])
     columns = [Column("world", "world"), Column("controller", "controller"), Column("seed", "seed")]
     columns += [Column("reached", show="count"), Column("share", "reached", decimals=3)]
-    columns += [_column(name) for name in SUMMED]
+    columns += [Column("collisions", "collisions")]
+    columns += [Column(metric.title, metric.name, metric.unit) for metric in means]
+    columns += [*(Column(name.replace("_", " "), name) for name in FAILURES), Column("makespan", "makespan_s", "s")]
     return [
         Paragraph("Means are over the robots that reached their goals, and over no others."),
         page.table(columns, rows),
@@ -154,10 +154,3 @@ def _cell(row: Mapping[Any, Any], name: str) -> str:
         if isinstance(row[name], float)
         else str(row[name])
     )
-
-
-def _column(name: str) -> Column:
-    """Return the column of a metric, whose name ends in its unit."""
-    word, _, unit = name.rpartition("_")
-    title = word if unit in UNITS else name
-    return Column(title.replace("_", " "), name, UNITS.get(unit, ""))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.paths import cut, write_beside
 from navbench.experiments.store import ResultsError
 from navbench.report.document import Blocks, Paragraph
 from navbench.report.figures import (
@@ -24,6 +23,7 @@ from navbench.report.figures import (
     thinned,
 )
 from navbench.report.page import Page, Select
+from navbench.report.paths import cut, write_beside
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -157,7 +157,7 @@ def test_longer_in_a_state_compares_shares_of_time_pair_by_pair(tmp_path: Path) 
 
 def test_greater_compares_failures_too_and_a_tie_is_not_greater(tmp_path: Path) -> None:
     metrics = a_record().metrics
-    near, far = (metrics._replace(min_clearance_m=value) for value in (0.1, 0.2))
+    near, far = ({**metrics, "min_clearance_m": value} for value in (0.1, 0.2))
     stored = stored_of(
         tmp_path,
         A=[a_record(metrics=far), a_record("collided", metrics=far), a_record(metrics=near)],
