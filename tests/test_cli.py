@@ -80,15 +80,15 @@ WRONG = [
     # keys
     ((*GO, "nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot, sensors, simulator, episodes"),
     ((*GO, "+nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot"),
-    ((*GO, "world.time_limt_s=3"), "world.time_limt_s: unknown key; allowed here: bounds, ", "time_limit_s"),
-    ((*GO, "+world.time_limt_s=3"), "world.time_limt_s: unknown key; allowed here: bounds, ", "time_limit_s"),
+    ((*GO, "world.time_limt_s=3"), "world.time_limt_s: unknown key; did you mean time_limit_s?"),
+    ((*GO, "+world.time_limt_s=3"), "world.time_limt_s: unknown key; did you mean time_limit_s?"),
     ((*GO, "++world.name=other"), "world.name: unknown key; allowed here: bounds, "),
-    ((*GO, "world.bounds.x_mn_m=3"), "world.bounds.x_mn_m: unknown key; allowed here: x_min_m, x_max_m, "),
-    ((*GO, "world.boxes=[{foo: 3}]"), "world.boxes.foo: unknown key; allowed here: x_m, y_m, length_m"),
+    ((*GO, "world.bounds.x_mn_m=3"), "world.bounds.x_mn_m: unknown key; did you mean x_min_m? allowed here: "),
+    ((*GO, "world.boxes=[{foo: 3}]"), "world.boxes[0].foo: unknown key; allowed here: x_m, y_m, length_m"),
     ((*GO, "controller.foo=3"), "controller.foo: unknown key; allowed here: "),
     ((*GO, "+controller.native.foo=3"), "controller.native.foo: unknown key; allowed here: robot, period_s"),
-    ((*GO, "controller.build.sped_mps=1"), "controller.build.sped_mps: unknown key; allowed here: _target_, speed_mps"),
-    ((*GO, "+controller.build.sped_mps=1"), "controller.build.sped_mps: unknown key; allowed here: _target_, speed_m"),
+    ((*GO, "controller.build.sped_mps=1"), "controller.build.sped_mps: unknown key; did you mean speed_mps? "),
+    ((*GO, "+controller.build.sped_mps=1"), "controller.build.sped_mps: unknown key; did you mean speed_mps? "),
     ((*GO, "+controller.build._partial_=true"), "controller.build._partial_: unknown key"),
     ((*GO, "sensors.mounts.0.foo=1"), "sensors.mounts[0].foo: unknown key; allowed here: role, x_m, "),
     ((*GO, "sensors.tracker.range_m=1"), "sensors.tracker.range_m: ", "tracker={range_m: 1.0}"),
@@ -136,7 +136,7 @@ WRONG = [
         "world.time_limit_s=150.0: must be at most 1000000 steps",
         "speeds to 1e+04 m/s",
     ),
-    ((*GO, "world.goals=[{x_m: 1.48, y_m: 0}]"), "world.goals[0]: (1.48, 0.0) lies 0.02 m from an obstacle", "nearer"),
+    ((*GO, "world.goals=[{x_m: 1.495, y_m: 0}]"), "world.goals[0]: (1.495, 0.0) lies 0.005 m from an obst", "nearer"),
     ((*GO, "controller.native.period_s=1e-9"), "must be at most 1000000 steps", "control period 1e-09 s"),
     ((*GO, "controller.native.period_s=0"), "controller.native.period_s=0: must be a finite number above 0"),
     ((*GO, "controller.build.speed_mps=nan"), "controller.build.speed_mps=nan: must be a finite number"),
@@ -176,7 +176,17 @@ WRONG = [
     ((*GO, "hydra.searchpath=[file:///nope]"), "hydra.searchpath: unknown key", "hydra.run.dir"),
     ((*GO, "hydra.run.dir=new/${nope}"), "hydra.run.dir", "'nope' not found"),
     ((*GO, "hydra.run.dir=/proc/nope"), "/proc/nope: No such file"),
-    (("list", "nope"), "list nope: unknown group; there are controller, world, "),
+    (("lst",), "lst: unknown verb; did you mean list? "),
+    (("list", "wrld"), "list wrld: unknown group; did you mean world? "),
+    (("study", "aouf2018"), "did you mean aouf2019? "),
+    (("world", "=", "empty"), "world = empty: cannot be read; a word is key=value without spaces"),
+    ((*GO, "seed", "=", "3"), "seed: cannot be read; a word is key=value without spaces"),
+    (("--controller=pid",), "--controller=pid: unknown flag; did you mean controller=pid? "),
+    (("controller=pid", "world=deadlok"), "world=deadlok: unknown choice; did you mean deadlock?\n"),
+    ((*GO, "episods=3"), "episods: unknown key; did you mean episodes? "),
+    ((*GO, "world.boxes=[{x_m: 1.0, y_m: 1.0, length_m: 0.2, width_m: 0.2}, {length_m: long}]"),
+     "world.boxes[1].length_m='long': must be a number"),
+    (("list", "nope"), "list nope: unknown group; there are: controller, world, "),
     (("list", "--config-dir", "nope"), "--config-dir=nope: there is no such folder"),
     (("list", "--config-dir"), "--config-dir/-cd: expected one argument"),
 ]  # fmt: skip
@@ -220,7 +230,7 @@ WRONG_FILES = [
     ("mine.yaml", "build: [\n", "conf/controller/mine.yaml, line 2"),
     ("mine.yaml", "", "controller.build._target_: missing"),
     ("mine.yaml", "- 1\n", "controller=[1]: must be a mapping"),
-    ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nbild: 3\n", "controller.bild: unknown key; allowed here: b"),
+    ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nbild: 3\n", "controller.bild: unknown key; did you mean"),
     ("mine.yaml", "build: {_target_: mine.Mine, gain: .nan}\n", "controller.build.gain=nan: must be a finite number"),
     ("mine.yaml", "build: {_target_: mine.Mine, gain: [1, .inf]}\n", "controller.build.gain[1]=inf: must be a finite"),
     ("mine.yaml", "build: {_target_: mine.Mine}\n", "controller.build.gain: missing"),
@@ -228,14 +238,24 @@ WRONG_FILES = [
     ("mine.yaml", "build: {_target_: mine.Mine, gain: 2}\nnative: {period_s: 1}\n", "controller.native.robot: missing"),
     ("mine.yaml", "defaults: [/nope/x@_here_, _self_]\n", "controller/mine", "nope/x"),
     ("mine.py", "import nope\n", "controller.build._target_=mine.Mine: cannot be imported", "'nope'"),
-    ("mine.py", "class Mine(:\n", "cannot be imported (SyntaxError: invalid syntax (mine.py, line 1))"),
-    ("mine.py", "1 / 0\n", "cannot be imported (ZeroDivisionError: division by zero)"),
+    ("mine.py", "class Mine(:\n", "cannot be imported: SyntaxError: invalid syntax (mine.py, line 1)"),
+    ("mine.py", "1 / 0\n", "cannot be imported: ZeroDivisionError: division by zero (mine.py, line 1: 1 / 0)"),
     ("mine.py", MINE.replace("class Mine:", "class Mine:\n    sensor_roles = 3"), "sensor_roles must be a tuple"),
     ("mine.py", "def Mine(gain): return gain\n", "controller.build._target_=mine.Mine: must name a class with reset"),
     ("mine.py", MINE.replace("self.gain = gain", "raise RuntimeError('no\\nluck')"),
      "controller.build: RuntimeError: no luck"),
     ("mine.py", MINE.replace("gain)", "gain: tuple[float, str])", 1), "controller.build.gain=2.0: must be a valid "),
 ]  # fmt: skip
+
+
+def test_a_folder_above_the_one_of_the_configurations_is_told_from_it(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/controller/mine.yaml": MINE_YAML})
+    check_refused(command("--config-dir", ".", "controller=mine"), "--config-dir=.: holds no ", "did you mean conf?")
+
+
+def test_a_folder_may_be_named_before_the_verb(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/controller/mine.yaml": MINE_YAML})
+    assert "mine" in command("--config-dir", "conf", "list", "controller").out
 
 
 @pytest.mark.parametrize(("name", "text", "said"), [(row[0], row[1], row[2:]) for row in WRONG_FILES])
@@ -254,7 +274,7 @@ def test_a_wrong_controller_of_a_user_is_refused_in_one_line(
     [
         ("time_limit_s: 30", "time_limit_s: abc", "world/mine.yaml: world.time_limit_s: must be a number"),
         ("time_limit_s: 30", "time_limit_s:", "world/mine.yaml: world.time_limit_s: must not be null"),
-        ("time_limit_s: 30", "time_limt_s: 30", "world/mine.yaml: world.time_limt_s: unknown key; allowed here: bound"),
+        ("time_limit_s: 30", "time_limt_s: 30", "world/mine.yaml: world.time_limt_s: unknown key; did you mean time"),
         ("time_limit_s: 30", "time_limit_s: .nan", "world.time_limit_s=nan: must be a finite number"),
         ("starts: [{x_m: 0, y_m: 0}]", "starts: {x_m: 0, y_m: 0}", "world/mine.yaml: "),
         ("goals: [{x_m: 0.5, y_m: 0}]", "goals: [{x_m: 0.5}]", "world.goals[0].y_m: missing"),
@@ -296,7 +316,7 @@ def test_a_directory_with_other_results_is_refused_and_kept(command: Command, tm
 @pytest.mark.parametrize(
     ("file", "text", "said"),
     [
-        ("kept", "a file", "kept: File exists"),
+        ("kept", "a file", "kept: is a file; results need a directory"),
         ("kept/manifest.json", "{", "kept/manifest.json: is no manifest of navbench"),
         ("kept/manifest.json", '{"schema_version": 99}', "schema_version=99, but this navbench reads "),
         ("kept/episodes/part-0.parquet", "", "kept: holds parts without a manifest"),

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -68,8 +69,8 @@ def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
 def _places_of(word: str, cause: OmegaConfBaseException) -> Iterator[str]:
     """Yield the places, in the lists and mappings of a word, of a value that OmegaConf names by its last key alone."""
     override = OverridesParser.create().parse_override(word)
-    value = OmegaConf.to_container(OmegaConf.create({"": override.value()}))
-    inside = [(override.key_or_group, value[""])] if isinstance(value, dict) else []
+    whole: Any = OmegaConf.to_container(OmegaConf.create({"": override.value()}))
+    inside: list[tuple[str, Any]] = [(override.key_or_group, whole[""])]
     for place, value in inside:  # which grows
         if isinstance(value, dict):
             inside += [(f"{place}.{key}", inner) for key, inner in value.items()]
@@ -78,7 +79,7 @@ def _places_of(word: str, cause: OmegaConfBaseException) -> Iterator[str]:
         if place.endswith(f".{cause.key}") and "." in place.removeprefix(override.key_or_group):
             if isinstance(cause, ConfigKeyError | ConfigAttributeError):
                 yield place
-            elif "'" + str(value) + "'" in str(cause):
+            elif isinstance(value, str) and repr(value) in str(cause):
                 yield f"{place}={value!r}"
 
 

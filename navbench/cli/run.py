@@ -19,9 +19,7 @@ def run(arguments: Sequence[str]) -> int:
     words = sort_words(arguments, ("--config-dir", "--multirun", "--cfg"))
     with composing(words.config_dir) as composer:
         if words.names:
-            raise DescriptionError(
-                f"{words.names[0]}: cannot be read; a word is key=value without spaces, a verb stands first"
-            )
+            raise DescriptionError(f"{words.names[0]}: cannot be read; a word is key=value without spaces")
         if words.cfg:
             print(composer.text("run", words.overrides), end="")
             return 0

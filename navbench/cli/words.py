@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-from navbench.cli.catalogue import check_folder
+from navbench.cli.catalogue import LISTED, check_folder
 from navbench.validation import DescriptionError
 
 RESUME = "resume=other-code"
@@ -59,7 +59,8 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
             parser.add_argument(flag, FLAGS[flag], choices=("job",) if flag == "--cfg" else None)
     given, unknown = parser.parse_known_intermixed_args(list(arguments))
     if unknown:
-        meant = f"did you mean {unknown[0].lstrip('-')}? " if "=" in unknown[0] else ""
+        word = unknown[0].lstrip("-")
+        meant = f"did you mean {word}? " if word.split("=")[0] in LISTED else ""
         raise DescriptionError(f"{unknown[0]}: unknown flag; {meant}allowed: {allowed}")
     config_dir: str | None = given.config_dir if "--config-dir" in flags else None
     if config_dir is not None:
