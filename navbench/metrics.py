@@ -75,9 +75,12 @@ class RobotRun:
         return np.diff(self.states[:, 0])
 
 
+MetricFunction = Callable[[RobotRun], float]
+
+
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """What a metric is.
+    """What a metric is; as a decorator, ``@metric(...)``, it declares a function of a ``RobotRun`` as one.
 
     Attributes:
         name: the name of its column, which ends in its unit where that is one word, such as "time_s".
@@ -104,6 +107,11 @@ class Metric:
         if self.better not in ARROWS:
             raise ValueError(f"metric {self.name}: better={self.better}: must be less, more or empty")
 
+    def __call__(self, function: MetricFunction) -> MetricFunction:
+        """Declare a function as this metric."""
+        function.__dict__["metric"] = self
+        return function
+
     @property
     def sign(self) -> int:
         """1 where less is better, -1 where more is, 0 where neither is."""
@@ -116,27 +124,7 @@ class Metric:
         return word.replace("_", " ") + ARROWS[self.better]
 
 
-MetricFunction = Callable[[RobotRun], float]
-
-
-def metric(
-    name: str,
-    *,
-    unit: str,
-    better: Literal["less", "more", ""],
-    definition: str,
-    source: str = "",
-    averaged: bool = True,
-    lost: float = math.nan,
-) -> Callable[[MetricFunction], MetricFunction]:
-    """Return what declares a function of a ``RobotRun`` as a metric; the arguments are the fields of ``Metric``."""
-    declared = Metric(name, unit, better, definition, source, averaged, lost)
-
-    def declare(function: MetricFunction) -> MetricFunction:
-        function.__dict__["metric"] = declared
-        return function
-
-    return declare
+metric = Metric  # as a decorator is called
 
 
 def declared(functions: Iterable[MetricFunction]) -> tuple[Metric, ...]:
