@@ -347,7 +347,7 @@ def test_a_run_prints_its_table_and_says_where_the_results_are(command: Command,
     folder = tmp_path / last.removeprefix("results: ")
     assert re.fullmatch(r"results: outputs/\d{4}-\d\d-\d\d/\d\d-\d\d-\d\d-\d{6}-sflc-corner", last)
     names = {path.name for path in folder.iterdir()}
-    assert names == {"manifest.json", "episodes", "trajectories", "latency", *WRITTEN}
+    assert names == {"manifest.json", "episodes", "trajectories", "latency", "layouts", *WRITTEN}
     assert (folder / "trajectories.png").read_bytes().startswith(b"\x89PNG")
 
 

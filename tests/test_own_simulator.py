@@ -121,7 +121,7 @@ def test_a_users_simulator_reaches_worker_processes_and_names_its_packages(own: 
     ("words", "said"),
     [
         (["simulator.grain_share=0"], "simulator.grain_share=0: must be greater than 0"),
-        (["+simulator.grian_share=1"], "simulator.grian_share: unknown key; allowed here: "),
+        (["+simulator.grian_share=1"], "simulator.grian_share: unknown key; did you mean grain_share? allowed here: "),
         (["+simulator.gui=true"], "simulator.gui=True: circles has no window"),
         (["simulator._target_=mine.Squares"], "simulator._target_=mine.Squares: cannot be imported"),
         (["simulator._target_=mine.CircleOptions"], "must name a subclass of navbench.simulation.base.Simulator"),
