@@ -128,7 +128,10 @@ def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined:
         (["join=results", "out=elsewhere"], "join=results: stands alone"),
         (["join=results", "results"], "join=results: stands alone"),
         (["join="], "join=: unknown key"),
-        (["joined=results"], "joined=results: unknown key; did you mean join? allowed with report, each as KEY=DIR: out, join"),
+        (
+            ["joined=results"],
+            "joined=results: unknown key; did you mean join? allowed with report, each as KEY=DIR: out, join",
+        ),
     ],
 )
 def test_a_wrong_joining_is_refused_in_one_line(words: list[str], message: str, tmp_path: Path) -> None:

@@ -116,7 +116,10 @@ def test_a_fixed_worlds_layout_is_kept_once_for_all_batches(folder: Path) -> Non
 @pytest.mark.parametrize(
     ("word", "said"),
     [
-        ("door_n=3", "world.source.door_n: unknown key; did you mean door_m? allowed here: _target_, width_m, height_m, door_m"),
+        (
+            "door_n=3",
+            "world.source.door_n: unknown key; did you mean door_m? allowed here: _target_, width_m, height_m, door_m",
+        ),
         ("door_m=wide", "world.source.door_m='wide': must be a number"),
         ("_target_=mine.rooms.Rooms", "world.source._target_=mine.rooms.Rooms: cannot be imported"),
         ("_target_=mine.rooms.Bounds", "world.source._target_=mine.rooms.Bounds: must name a class with draw"),

@@ -1,6 +1,6 @@
 """What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.stored import StoredResults
@@ -16,7 +16,7 @@ class Joined(Results):
     """Results directories read as one, each cell called by what tells it from the others of its controller.
 
     A cell's ``name`` is its world, with what differs between cells in worlds of this name; its ``label`` is its
-    controller, with what else differs between cells of this controller.
+    controller, with what else differs between cells of this controller in worlds of this ``name``.
 
     Args:
         runs: the directories, at least one.
@@ -40,8 +40,9 @@ class Joined(Results):
             if self._where[cell["run_id"]] is run
         ]
         scenes, rest = zip(*(_halves(cell["configuration"]) for cell in cells), strict=True)
-        names = _told_apart([cell["world"] for cell in cells], scenes)
-        labels = _told_apart([cell["controller"] for cell in cells], rest)
+        worlds, controllers = ([cell[group] for cell in cells] for group in ("world", "controller"))
+        names = _told_apart(worlds, scenes, worlds)
+        labels = _told_apart(controllers, rest, list(zip(controllers, names, strict=True)))
         for cell, name, label in zip(cells, names, labels, strict=True):
             cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
         return {
@@ -96,11 +97,11 @@ def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str,
     return scene, {key: value for key, value in leaves.items() if key not in scene}
 
 
-def _told_apart(names: Sequence[str], leaves: Sequence[Mapping[str, str]]) -> list[str]:
-    """Return each name with those of its values in which things of this name differ."""
+def _told_apart(names: Sequence[str], leaves: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:
+    """Return each name with those of its values in which things of its kind differ."""
     told = []
-    for name, mine in zip(names, leaves, strict=True):
-        alike = [other for other, called in zip(leaves, names, strict=True) if called == name]
+    for name, mine, kind in zip(names, leaves, kinds, strict=True):
+        alike = [other for other, of in zip(leaves, kinds, strict=True) if of == kind]
         differ = [key for key in dict.fromkeys(k for one in alike for k in one) if len({o.get(key) for o in alike}) > 1]
         values = ", ".join(f"{key.rpartition('.')[2]}={mine[key]}" for key in differ if key in mine)
         told.append(f"{name} ({values})" if values else name)
