@@ -147,15 +147,15 @@ WRONG = {
         "then: untuned",
     ),
     "holds=often: must be as": ("holds: in 95 % of the cases", "holds: often"),
-    "claims.reaches.select.label=S.F.L.X.: no such cell is planned; there are S.F.L.C., untuned PID": (
+    "claims.reaches.select.label=S.F.L.X.: no such cell is planned; did you mean S.F.L.C.? there are: S.F.L.C., untuned PID": (
         "of: {cell: fair, label: S.F.L.C.}",
         "of: {cell: fair, label: S.F.L.X.}",
     ),
-    "claims.quicker.than.label=tuned PID: no such cell is planned; there are S.F.L.C., untuned PID": (
+    "claims.quicker.than.label=tuned PID: no such cell is planned; did you mean untuned PID? there are: S.F.L.C., untuned PID": (
         "than: untuned PID",
         "than: tuned PID",
     ),
-    "report[1].select.name=unfair: no such cell is planned; there are printed, fair": (
+    "report[1].select.name=unfair: no such cell is planned; did you mean fair? there are: printed, fair": (
         "select: {name: fair}",
         "select: {name: unfair}",
     ),
@@ -289,7 +289,8 @@ def test_the_committed_results_are_those_of_the_study_as_it_stands(name: str) ->
     chosen = compose_study(name)
     assert chosen.study
     assert manifest["study"]["title"] == chosen.study["title"]
-    assert manifest["study"]["summary"] == chosen.study["summary"]
+    found = json.loads((RESULTS / name / "findings.json").read_text(encoding="utf-8"))
+    assert found["summary"] == chosen.study["summary"].strip()
     planned = {(c.name, c.label, c.key().config_hash, c.seed, c.episodes) for c in chosen.cells if not c.tuning}
     kept = [cell for cell in manifest["cells"] if not cell["tuning"]]
     assert {
