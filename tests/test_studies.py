@@ -147,11 +147,11 @@ WRONG = {
         "then: untuned",
     ),
     "holds=often: must be as": ("holds: in 95 % of the cases", "holds: often"),
-    "claims.reaches.select.label=S.F.L.X.: no such cell is planned; did you mean S.F.L.C.? there are: S.F.L.C., untuned PID": (
+    "claims.reaches.select.label=S.F.L.X.: no such cell is planned; did you mean S.F.L.C.?": (
         "of: {cell: fair, label: S.F.L.C.}",
         "of: {cell: fair, label: S.F.L.X.}",
     ),
-    "claims.quicker.than.label=tuned PID: no such cell is planned; did you mean untuned PID? there are: S.F.L.C., untuned PID": (
+    "claims.quicker.than.label=tuned PID: no such cell is planned; did you mean untuned PID?": (
         "than: untuned PID",
         "than: tuned PID",
     ),
