@@ -608,3 +608,10 @@ def test_the_folder_of_configurations_may_stand_before_the_verb(own: Path, comma
     assert command("--config-dir", "conf", "list", "controller") == command(
         "list", "controller", "--config-dir", "conf"
     )
+
+
+def test_help_is_printed_wherever_it_stands_and_nothing_runs(command: Command, tmp_path: Path) -> None:
+    for words in (["controller=sflc", "--help"], ["-m", "controller=sflc", "-h"], ["list", "--help"]):
+        done = command(*words)
+        assert (done.code, done.out.splitlines()[0]) == (0, command("--help").out.splitlines()[0])
+    assert not list(tmp_path.iterdir())

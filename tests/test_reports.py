@@ -499,7 +499,7 @@ def test_a_figure_without_a_case_is_told_and_kept_as_such(tmp_path: Path) -> Non
         ({"name": "errata", "title": "a"}, ["report[0].items: missing"]),
         ({"name": "comparisn"}, ["report[0].name=comparisn", "did you mean comparison?"]),
         ("nowhere.sections.mine", ["report[0].name=nowhere.sections.mine: lies outside navbench", "--trust"]),
-        ("navbench.nowhere.mine", ["report[0].name=navbench.nowhere.mine: cannot be imported"]),
+        ("navbench.report.nowhere.mine", ["report[0].name=navbench.report.nowhere.mine: cannot be imported"]),
     ],
 )
 def test_an_unknown_section_or_argument_is_refused_by_name(spec: dict[str, Any], words: list[str]) -> None:

@@ -25,7 +25,7 @@ def test_a_module_from_outside_is_run_only_where_it_is_trusted(tmp_path: Path, m
     assert resolve("measure", "outsider.one", HOME, trust=True)() == 1
 
 
-@pytest.mark.parametrize("name", ["json.dumps", "os.remove", "navbenchmark.remove"])
+@pytest.mark.parametrize("name", ["json.dumps", "os.remove", "navbenchmark.remove", "navbench.outputs.evil.run"])
 def test_what_lies_outside_is_refused(name: str) -> None:
     with pytest.raises(DescriptionError, match="outside navbench"):
         resolve("measure", name, HOME, trust=False)

@@ -8,7 +8,7 @@ from typing import Any
 
 from navbench.validation import DescriptionError
 
-OWN = "navbench."
+OWN = ("navbench.analysis.", "navbench.controllers.", "navbench.report.")  # what lies beside them may be results
 
 
 def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any]:
@@ -18,7 +18,7 @@ def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any
         key: where the name stands, for the error message.
         name: a public function of ``home``, or module.function.
         home: the module of the short names.
-        trust: whether the module may lie outside ``navbench``: a user's own file may name any, but what is read from
+        trust: whether the module may lie outside ``OWN``: a user's own file may name any, but what is read from
             stored results may be anybody's, and to import a module is to run it.
 
     Raises:

@@ -68,7 +68,7 @@ def _command(arguments: list[str]) -> int:
     place = next(verbs, 0)  # flags may stand before the verb
     arguments = [*arguments[place : place + 1], *arguments[:place], *arguments[place + 1 :]]
     first = arguments[0] if arguments else "--help"
-    if first in ("-h", "--help", "help"):
+    if first == "help" or {"-h", "--help"} & {first, *arguments} and first not in VERBS[1:]:
         print(HELP, end="")
     elif first == "--version":
         print(f"navbench {__version__}")
