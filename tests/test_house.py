@@ -20,6 +20,7 @@ FLOORS = {
     "contract": 0,
     "mathematics": 0,
     "fuzzy": 0,
+    "policy": 0,
     "tuning": 0,
     "validation": 0,
     "world": 1,  # descriptions

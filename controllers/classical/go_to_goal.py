@@ -9,9 +9,9 @@ import math
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from navbench.compiled import compiled
-from navbench.contract import Command, Observation, Setup
+from navbench.contract import FloatArray, Setup
 from navbench.mathematics.geometry import wrap_angle
+from navbench.policy import CompiledController, Policy, compiled
 from navbench.validation import STRICT, Positive, describe
 
 
@@ -20,6 +20,23 @@ def heading_error(x: float, y: float, theta: float, x_goal: float, y_goal: float
     """Return how far to turn to the left to face the goal [rad]."""
     error: float = wrap_angle(math.atan2(y_goal - y, x_goal - x) - theta)
     return error
+
+
+@compiled
+def step(
+    state: FloatArray,
+    parameters: FloatArray,
+    ranges_m: FloatArray,
+    discs: FloatArray,
+    pose: tuple[float, float, float],
+    goal: tuple[float, float],
+    speed: tuple[float, float],
+    trace: FloatArray,
+) -> tuple[float, float]:
+    """Return the constant speed and a turning rate towards the goal; a step of ``navbench.policy``."""
+    speed_mps, gain_per_s, limit_radps = parameters[0], parameters[1], parameters[2]
+    trace[0] = heading_error(pose[0], pose[1], pose[2], goal[0], goal[1])
+    return speed_mps, min(max(gain_per_s * trace[0], -limit_radps), limit_radps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -37,7 +54,7 @@ class Steering:
     turn_limit_radps: Positive
 
 
-class GoToGoal:
+class GoToGoal(CompiledController):
     """Constant speed, proportional heading, no sensors."""
 
     def __init__(self, *, speed_mps: float, gain_per_s: float, turn_limit_radps: float) -> None:
@@ -52,21 +69,9 @@ class GoToGoal:
             ValueError: a parameter is not a finite positive number.
         """
         given = {"speed_mps": speed_mps, "gain_per_s": gain_per_s, "turn_limit_radps": turn_limit_radps}
-        self._steering = describe(Steering, given, "GoToGoal")
-        self._error_rad = 0.0
+        steering = describe(Steering, given, "GoToGoal")
+        self._parameters = np.array([steering.speed_mps, steering.gain_per_s, steering.turn_limit_radps])
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode: there is nothing to forget but the trace."""
-        self._error_rad = 0.0
-
-    def act(self, observation: Observation) -> Command:
-        """Return the constant speed and a turning rate towards the goal."""
-        pose, goal = observation.pose, observation.goal
-        self._error_rad = heading_error(pose.x_m, pose.y_m, pose.heading_rad, goal[0], goal[1])
-        limit = self._steering.turn_limit_radps
-        return Command(self._steering.speed_mps, min(max(self._steering.gain_per_s * self._error_rad, -limit), limit))
-
-    @property
-    def trace(self) -> dict[str, float]:
-        """The heading error at the latest act [rad]."""
-        return {"heading_error_rad": self._error_rad}
+        """Begin an episode; nothing here is left to chance."""
+        self.policy = Policy(step=step, parameters=self._parameters, trace_names=("heading_error_rad",))

@@ -1,0 +1,87 @@
+"""Compiled policies: one fixed signature, with which a compiled loop calls any controller without Python.
+
+A controller offers one by deriving from ``CompiledController`` and setting ``policy`` in its ``reset``. The same
+function answers ``act``, so that both drive alike to the last bit.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numba import float64, types
+
+from navbench.compiled import compiled
+from navbench.contract import Command, FloatArray, Observation
+
+__all__ = ["SIGNATURE", "CompiledController", "Policy", "compiled", "pack", "part"]
+
+_types: Any = types  # numba's are untyped
+_PAIR, _ARRAY = _types.UniTuple(float64, 2), float64[::1]
+SIGNATURE = _PAIR(
+    _ARRAY, _ARRAY, _ARRAY, float64[:, ::1], _types.UniTuple(float64, 3), _PAIR, _PAIR, _ARRAY
+)  # a step's
+
+Step = Callable[..., tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Policy:
+    """A controller as a compiled function and its arrays; a policy drives one robot through one episode.
+
+    Attributes:
+        step: ``step(state, parameters, ranges_m, discs, pose, goal, speed, trace) -> (v, w)``, made by ``compiled``:
+            the command [m/s, rad/s] for what ``Observation`` has by these names; pose, goal and speed, which is v and
+            w, are tuples. It writes ``state`` and ``trace`` only. NaN ends the robot.
+        state: (n,) what it remembers, as an episode begins with it.
+        parameters: (m,) what it is told.
+        trace_names: what its trace holds, in order.
+        trace: (len(trace_names),) the latest step's.
+    """
+
+    step: Step
+    state: FloatArray = field(default_factory=lambda: np.zeros(0))
+    parameters: FloatArray = field(default_factory=lambda: np.zeros(0))
+    trace_names: tuple[str, ...] = ()
+    trace: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Make room for the trace."""
+        object.__setattr__(self, "trace", np.zeros(len(self.trace_names)))
+
+
+class CompiledController:
+    """A controller that is a compiled policy; ``reset`` must set ``policy``.
+
+    Attributes:
+        policy: what drives in this episode.
+    """
+
+    policy: Policy
+
+    def act(self, observation: Observation) -> Command:
+        """Return the policy's command."""
+        policy = self.policy
+        _, pose, goal, v_mps, w_radps, ranges_m, _, discs = observation
+        v, w = policy.step(
+            policy.state, policy.parameters, ranges_m, discs, tuple(pose), goal, (v_mps, w_radps), policy.trace
+        )
+        return Command(v, w)
+
+    @property
+    def trace(self) -> dict[str, float]:
+        """The policy's trace, by name."""
+        return dict(zip(self.policy.trace_names, self.policy.trace.tolist(), strict=True))
+
+
+def pack(*arrays: Any) -> FloatArray:
+    """Return some arrays as one, from which ``part`` takes them again; each is flattened."""
+    flat = [np.asarray(array, dtype=np.float64).ravel() for array in arrays]
+    begins = np.cumsum([len(flat) + 1, *map(len, flat)])
+    return np.concatenate([begins, *flat])
+
+
+@compiled
+def part(packed: FloatArray, number: int) -> FloatArray:
+    """Return one of the arrays that were given to ``pack``, as a view."""
+    return packed[int(packed[number]) : int(packed[number + 1])]
