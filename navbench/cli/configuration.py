@@ -16,7 +16,7 @@ from navbench.experiments.cells import Cell
 from navbench.records import Names
 from navbench.robot import Robot
 from navbench.sensors import Sensors
-from navbench.simulation.base import SUBSTEP_RADII
+from navbench.simulation.motion import SUBSTEP_RADII
 from navbench.validation import DescriptionError, describe
 from navbench.world.world import World
 

@@ -20,47 +20,58 @@ def wrap_angle(angle_rad: float) -> float:
 
 
 @compiled
-def box_distance(x_m: float, y_m: float, box: FloatArray) -> float:
-    """Return the signed distance from a point to a rotated box [m], negative inside.
+def box_gap(x_m: float, y_m: float, boxes: FloatArray, k: int) -> tuple[float, float, float]:
+    """Return the signed distance from a point to a box [m], and its gradient: the unit vector away from the box.
 
     Args:
         x_m: the point's x [m].
         y_m: the point's y [m].
-        box: (6,) centre x, centre y, half length, half width, cosine and sine of the heading.
+        boxes: (n, 6) centre x, centre y, half length, half width, cosine and sine of the heading.
+        k: the box's row.
     """
-    dx: float = x_m - box[0]
-    dy: float = y_m - box[1]
-    along: float = abs(box[4] * dx + box[5] * dy) - box[2]
-    across: float = abs(box[4] * dy - box[5] * dx) - box[3]
-    if along <= 0.0 and across <= 0.0:
-        return max(along, across)
-    return math.hypot(max(along, 0.0), max(across, 0.0))
+    dx, dy, cosine, sine = x_m - boxes[k, 0], y_m - boxes[k, 1], boxes[k, 4], boxes[k, 5]
+    along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
+    over_along, over_across = abs(along) - boxes[k, 2], abs(across) - boxes[k, 3]
+    if over_along <= 0.0 and over_across <= 0.0:
+        gap = max(over_along, over_across)
+        px, py = (1.0, 0.0) if over_along > over_across else (0.0, 1.0)
+    else:
+        px, py = max(over_along, 0.0), max(over_across, 0.0)
+        gap = math.hypot(px, py)
+        px, py = px / gap, py / gap
+    px, py = math.copysign(px, along), math.copysign(py, across)
+    return gap, cosine * px - sine * py, sine * px + cosine * py
 
 
 @compiled
-def polygon_distance(x_m: float, y_m: float, polygon: FloatArray) -> float:
-    """Return the signed distance from a point to a convex polygon [m], negative inside.
+def polygon_gap(x_m: float, y_m: float, polygons: FloatArray, k: int) -> tuple[float, float, float]:
+    """Return the signed distance from a point to a convex polygon [m], and its gradient, as ``box_gap`` does.
 
     Args:
         x_m: the point's x [m].
         y_m: the point's y [m].
-        polygon: (5 + 2 k,) x, y [m], three numbers of no matter here, and k corners counter-clockwise, seen from x
+        polygons: (n, 5 + 2 c): x, y [m], three numbers of no matter here, and c corners counter-clockwise, seen from x
             and y [m]; a corner may be repeated.
+        k: the polygon's row.
     """
-    px: float = x_m - polygon[0]
-    py: float = y_m - polygon[1]
-    corners = (polygon.shape[0] - 5) // 2
-    nearest, inside = math.inf, True
-    for k in range(corners):
-        after = (k + 1) % corners
-        ax, ay = polygon[5 + 2 * k], polygon[6 + 2 * k]
-        ux, uy = polygon[5 + 2 * after] - ax, polygon[6 + 2 * after] - ay
-        qx, qy = px - ax, py - ay
-        square = ux * ux + uy * uy
-        along = min(max((qx * ux + qy * uy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-        nearest = min(nearest, math.hypot(qx - along * ux, qy - along * uy))
+    px, py = x_m - polygons[k, 0], y_m - polygons[k, 1]
+    corners = (polygons.shape[1] - 5) // 2
+    nearest, inside, rx, ry, nx, ny = math.inf, True, 0.0, 0.0, 0.0, 0.0
+    ax, ay = polygons[k, 3 + 2 * corners], polygons[k, 4 + 2 * corners]
+    for corner in range(corners):
+        bx, by = polygons[k, 5 + 2 * corner], polygons[k, 6 + 2 * corner]
+        ux, uy, qx, qy = bx - ax, by - ay, px - ax, py - ay
+        ax, ay = bx, by
+        length = math.hypot(ux, uy)
+        if length == 0.0:
+            continue
+        ux, uy = ux / length, uy / length
         inside = inside and ux * qy - uy * qx >= 0.0
-    return -nearest if inside else nearest
+        along = min(max(qx * ux + qy * uy, 0.0), length)
+        away = math.hypot(qx - along * ux, qy - along * uy)
+        if away < nearest:
+            nearest, rx, ry, nx, ny = away, qx - along * ux, qy - along * uy, uy, -ux
+    return (-nearest, nx, ny) if inside else (nearest, rx / nearest, ry / nearest)
 
 
 @compiled
@@ -70,17 +81,17 @@ def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatA
     Args:
         x_m: the point's x [m].
         y_m: the point's y [m].
-        boxes: (n, 6) as in ``box_distance``.
+        boxes: (n, 6) as in ``box_gap``.
         discs: (n, 3 or more) centre x, centre y, radius [m].
-        polygons: (n, 5 + 2 k) as in ``polygon_distance``.
+        polygons: (n, 5 + 2 c) as in ``polygon_gap``.
     """
     nearest = math.inf
     for i in range(boxes.shape[0]):
-        nearest = min(nearest, box_distance(x_m, y_m, boxes[i]))
+        nearest = min(nearest, box_gap(x_m, y_m, boxes, i)[0])
     for i in range(discs.shape[0]):
         nearest = min(nearest, math.hypot(x_m - discs[i, 0], y_m - discs[i, 1]) - discs[i, 2])
     for i in range(polygons.shape[0]):
-        nearest = min(nearest, polygon_distance(x_m, y_m, polygons[i]))
+        nearest = min(nearest, polygon_gap(x_m, y_m, polygons, i)[0])
     return nearest
 
 

@@ -1,4 +1,4 @@
-"""How a two-wheeled robot moves: exact arcs, wheel ramps and lags, and the closest approach to a point."""
+"""How a two-wheeled robot moves: exact arcs, and wheel ramps and lags."""
 
 import math
 
@@ -22,40 +22,6 @@ def advance_arc(
         y_m + chord * math.sin(heading_rad + half),
         heading_rad + 2.0 * half,
     )
-
-
-@compiled
-def closest_approach(
-    x_m: float,
-    y_m: float,
-    heading_rad: float,
-    v_mps: float,
-    w_radps: float,
-    dt_s: float,
-    goal_x_m: float,
-    goal_y_m: float,
-) -> tuple[float, float]:
-    """Return when on this arc the robot is nearest to a point, and how near: (time in [0, dt] [s], distance [m])."""
-    end_x, end_y, _ = advance_arc(x_m, y_m, heading_rad, v_mps, w_radps, dt_s)
-    at_start = math.hypot(goal_x_m - x_m, goal_y_m - y_m)
-    at_end = math.hypot(goal_x_m - end_x, goal_y_m - end_y)
-    time_s, distance_m = (0.0, at_start) if at_start <= at_end else (dt_s, at_end)
-    if v_mps == 0.0:
-        return 0.0, at_start
-    if abs(w_radps * dt_s) <= 2.0 * _STRAIGHT_RAD:
-        inner_s = ((goal_x_m - x_m) * math.cos(heading_rad) + (goal_y_m - y_m) * math.sin(heading_rad)) / v_mps
-    else:
-        # The nearest point of the full circle lies where the ray from its centre to the goal leaves it.
-        radius = v_mps / w_radps
-        centre_x, centre_y = x_m - radius * math.sin(heading_rad), y_m + radius * math.cos(heading_rad)
-        turned = math.atan2(goal_y_m - centre_y, goal_x_m - centre_x) - math.atan2(y_m - centre_y, x_m - centre_x)
-        inner_s = (turned / w_radps) % (2.0 * math.pi / abs(w_radps))
-    if 0.0 < inner_s < dt_s:
-        near_x, near_y, _ = advance_arc(x_m, y_m, heading_rad, v_mps, w_radps, inner_s)
-        near = math.hypot(goal_x_m - near_x, goal_y_m - near_y)
-        if near < distance_m:
-            return inner_s, near
-    return time_s, distance_m
 
 
 @compiled

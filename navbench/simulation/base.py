@@ -1,12 +1,12 @@
-"""What every simulator does: exact arcs, the drive, substeps, arrival, clearance, and what a contact does.
+"""What every simulator does: exact arcs, the drive, arrival and contact at their instants, and what a contact does.
 
-An engine adds only which bodies there are, what its rays hit and what touches what: ``build``, ``place``, ``cast`` and
-``touches`` of a subclass, which a file in ``conf/simulator`` names as its ``_target_``.
+An engine adds only what a robot's rays hit: ``build``, ``place`` and ``cast`` of a subclass, which a file in
+``conf/simulator`` names as its ``_target_``.
 """
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -16,19 +16,21 @@ from navbench.contract import Pose
 from navbench.records import Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
-from navbench.simulation.contacts import ContactLedger, Contacts, Event
-from navbench.simulation.drive import Drive
+from navbench.simulation.contacts import Contacts, Event
 from navbench.simulation.motion import (
+    BOX,
+    COLLIDED,
+    DISC,
     FIXED,
-    NOT_YET,
+    POLYGON,
     ROBOT,
+    STOPPED,
+    Pipeline,
     RobotState,
-    count_clearance,
-    hold,
+    advance,
     measure_clearance,
-    move,
     other_robots,
-    stop_at_arrival,
+    set_command,
 )
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.rays import Rays
@@ -37,8 +39,10 @@ from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
 
-SUBSTEP_RADII = 0.25  # no body moves further than this in a substep, so none jumps through another
-CONTACT_MARGIN_RADII = 0.05  # an engine is asked for contacts only where the analytic clearance is below this
+_BEGUN = (
+    *("x_m", "y_m", "heading_rad", "arc_x_m", "arc_y_m", "arc_heading_rad"),
+    *("goal_x_m", "goal_y_m", "held_m", "running"),
+)
 
 
 class Simulator(ABC):
@@ -61,8 +65,9 @@ class Simulator(ABC):
         robots: (n_robots,) of ``ROBOT``, as they are now.
         rays: the ring's rays in the robot's frame.
         running: how many robots have no outcome yet.
-        contacts: each robot's contacts so far.
-        touching: whether each robot is held by something now.
+        fixed: (1,) of ``FIXED``, what does not change in the episode.
+        pipeline: the commands on their way to the wheels: issued (n, 2) and in force (n, 2) for each left and right
+            wheel [m/s]; of those in flight when each arrives (k,) [s] and it (k, n, 2); and how many these are (1,).
     """
 
     Options: ClassVar[type[SimulatorOptions]] = SimulatorOptions
@@ -71,12 +76,22 @@ class Simulator(ABC):
 
     scene: Scene
     running: int
-    contacts: list[Contacts]
-    touching: list[bool]
+    pipeline: Pipeline
 
     def __init__(self, options: SimulatorOptions, robot: Robot, sensors: Sensors, accel_max_mps2: float | None) -> None:
         self.options, self.robot = options, robot
-        self._accel_max_mps2 = accel_max_mps2
+        limited = options.drive == "limited"
+        self.fixed = np.zeros(1, FIXED)
+        for name, value in {
+            "radius_m": robot.radius_m,
+            "track_m": robot.track_m,
+            "wheel_speed_max_mps": robot.wheel_speed_max_mps,
+            "accel_max_mps2": math.inf if accel_max_mps2 is None else accel_max_mps2,
+            "lag_s": options.motor_lag_s if limited else 0.0,
+            "delay_s": options.command_delay_s if limited else 0.0,
+            "blocks": options.on_collision == "block",
+        }.items():
+            self.fixed[name] = value
         self.rays = Rays(sensors, robot.radius_m)
         self.robots = np.zeros(0, ROBOT)
 
@@ -96,15 +111,11 @@ class Simulator(ABC):
 
     @abstractmethod
     def place(self) -> None:
-        """Put robots and movers where they are now; called before ``cast`` and ``touches`` if something has moved."""
+        """Put robots and movers where they are now; called before ``cast`` if something has moved."""
 
     @abstractmethod
     def cast(self, index: int, rays: list[int]) -> list[float]:
         """Return what share of each of these of ``rays`` of a robot is free: 1 where it hits nothing."""
-
-    @abstractmethod
-    def touches(self) -> Iterable[tuple[Thing, Thing]]:
-        """Return the pairs of things that touch now and of which one is a robot, in any order."""
 
     def show(self, dt_s: float) -> None:
         """Show what is placed in a window, a control period [s] after the last time."""
@@ -124,29 +135,21 @@ class Simulator(ABC):
             starts: one a goal of the layout.
             goal_tolerance_m: how near the goal counts as arrived [m].
         """
-        count, radius_m = len(starts), self.robot.radius_m
+        count = len(starts)
         self.scene = scene = Scene(layout)
-        scene.move_to(0.0)
         self.robots = np.zeros(count, ROBOT)
         for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
-            self.robots[["x_m", "y_m", "heading_rad", "goal_x_m", "goal_y_m", "min_clearance_m", "running"]][i] = (
-                *start, goal.x_m, goal.y_m, math.inf, 1,
-            )  # fmt: skip
-        self._drive = Drive(self.robot, self.options, self._accel_max_mps2, count)
-        line = scene.finish_line
-        self._fixed = np.zeros(1, FIXED)
-        self._fixed[:] = (
-            radius_m, self.robot.track_m, self._drive.accel_max_mps2, self._drive.lag_s, goal_tolerance_m,
-            CONTACT_MARGIN_RADII * radius_m, len(line) > 0, line if len(line) else 0.0,
+            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, math.nan, 1)
+        self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
+        self.pipeline = (
+            np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
         )  # fmt: skip
-        self._ledger = ContactLedger(count)
-        self.contacts, self.touching = self._ledger.counts, self._ledger.touching
         self._unobstructed = np.tile(self.rays.unobstructed, (count, 1))
         self.running = count
         self.build()
         self._is_placed = False
-        self._measure_clearance()
-        count_clearance(self.robots)
+        measure_clearance(self.robots, scene.boxes, scene.discs, scene.polygons, self.robot.radius_m)
+        self.robots["min_clearance_m"] = self.robots["clearance_m"]
 
     def states(self) -> list[RobotState]:
         """Return what is known of each robot now."""
@@ -154,7 +157,21 @@ class Simulator(ABC):
 
     def tracked_discs(self, index: int) -> FloatArray:
         """Return discs, movers, circles around polygons and the other robots: (n, 5) x, y, radius, vx, vy [m, m/s]."""
-        return np.concatenate([self.scene.circles(), other_robots(self.robots, index, self.robot.radius_m)])
+        circles = self.scene.circles()
+        discs = np.concatenate([circles, np.empty((len(self.robots) - 1, 5))])
+        other_robots(self.robots, index, self.robot.radius_m, discs[len(circles) :])
+        return discs
+
+    @property
+    def contacts(self) -> list[Contacts]:
+        """Each robot's contacts so far."""
+        return [Contacts(robot.contacts, robot.robot_contacts, robot.standing_contacts) for robot in self.states()]
+
+    @property
+    def touching(self) -> list[bool]:
+        """Whether each robot touches something that it hit."""
+        held: list[bool] = (~np.isnan(self.robots["held_m"])).tolist()
+        return held
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
@@ -175,110 +192,89 @@ class Simulator(ABC):
         ranges = np.array(
             [rays.read(own, self.cast(i, own)) if own else rays.unobstructed for i, own in enumerate(asked)]
         )
-        if self._ledger.any_held or least_m <= rays.exposed_m:
+        if least_m <= max(rays.exposed_m, 0.0):
             self._blind_inside_things(ranges, clearances_m)
         return ranges
 
     def command(self, index: int, v_mps: float, w_radps: float) -> None:
-        """Set one robot's command for the coming period, see ``Drive.command``."""
-        self._drive.command(index, v_mps, w_radps)
+        """Set one robot's command for the coming period; each wheel is clipped at its limit, separately.
+
+        Raises:
+            ValueError: the wheels' speeds are not finite.
+        """
+        if not set_command(self.pipeline[0], index, v_mps, w_radps, self.fixed):
+            raise ValueError(f"the wheels' speeds must be finite, got v_mps={v_mps}, w_radps={w_radps} in the world")
+
+    def reserve(self, period_s: float) -> None:
+        """Make room for the commands that may be in flight at once with a control period [s]."""
+        issued, in_force, flight_s, flight, flying = self.pipeline
+        places = math.ceil(float(self.fixed["delay_s"][0]) / period_s) + 2
+        if len(flight_s) < places:
+            more = places - len(flight_s)
+            flight_s = np.concatenate([flight_s, np.zeros(more)])
+            flight = np.concatenate([flight, np.zeros((more, *issued.shape))])
+            self.pipeline = issued, in_force, flight_s, flight, flying
 
     def advance(self, t_s: float, dt_s: float) -> list[Event]:
-        """Move everything through one control period and return the ends that came in it.
+        """Move everything through one control period and return the ends that came in it, in order of time.
 
         Args:
             t_s: the period's beginning [s].
             dt_s: its length [s].
         """
-        events: list[Event] = []
-        scene, drive = self.scene, self._drive
-        new_period = True
-        for begin_s, duration_s in drive.segments(t_s, dt_s):
-            fastest = max(drive.fastest_mps, scene.fastest_mps)
-            substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * self.robot.radius_m) - 1e-9))
-            h = duration_s / substeps
-            done = 0
-            while done < substeps:
-                if scene.fastest_mps:
-                    scene.move_to(begin_s + done * h + h)
-                made, unsettled, near = move(
-                    self.robots, drive.in_force, scene.boxes, scene.discs, scene.polygons, self._fixed, h,
-                    1 if scene.fastest_mps else substeps - done, new_period, self._ledger.any_held,
-                )  # fmt: skip
-                new_period = self._is_placed = False
-                done += made
-                if unsettled:
-                    self._settle(begin_s + (done - 1) * h, h, self._contacts() if near else {}, events)
-                    if not self.running:
-                        return events
+        self.reserve(dt_s)
+        before = self.robots["running"].copy()
+        self.running = advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
+        self._is_placed = False
         if self.options.gui:
             self._place()
             self.show(dt_s)
-        return events
+        return self._events(before)
+
+    def _events(self, before: NDArray[np.int64]) -> list[Event]:
+        """Return the ends of those robots that ran before, (n,), and do no more, in order of time."""
+        ended = np.flatnonzero(before > self.robots["running"]).tolist()
+        return sorted((self.end(i) for i in ended), key=lambda event: (event.t_s, event.robot_index))
+
+    def end(self, index: int) -> Event:
+        """Return how one robot ended."""
+        robot = self.states()[index]
+        if robot.outcome == COLLIDED:
+            return Event(index, "collided", self._thing(robot.hit, robot.hit_index), robot.end_s)
+        return Event(index, "reached", None, robot.end_s)
 
     def stop(self, index: int) -> None:
         """Take one robot out of the episode: it stays where it is, as an obstacle."""
-        self.robots[index]["running"] = 0
-        self.robots[index]["arrival_s"] = NOT_YET
+        self.robots[index]["running"], self.robots[index]["outcome"] = 0, STOPPED
         self.running -= 1
 
     # --- how it is done ---
 
-    def _settle(self, t_s: float, h: float, hit: dict[int, Thing], events: list[Event]) -> None:
-        """Put back who is blocked or has arrived, count clearances there, and end who has an outcome."""
-        blocks, track_m = self.options.on_collision == "block", self.robot.track_m
-        if blocks:
-            fresh = hit
-            while fresh:  # one that is held may now stand in another's way
-                for i in fresh:
-                    hold(self.robots, i, h, track_m)
-                found = self._contacts()
-                fresh = {i: thing for i, thing in found.items() if i not in hit}
-                hit = {**found, **hit}
-        arrivals = {
-            i: arrival_s
-            for i, arrival_s in enumerate(self.robots["arrival_s"].tolist())
-            if arrival_s != NOT_YET and i not in hit and self.robots[i]["running"]
-        }
-        for i in arrivals:
-            stop_at_arrival(self.robots, i, h, track_m)
-        self._is_placed = False
-        self._measure_clearance()
-        count_clearance(self.robots)
-        if blocks:
-            self._ledger.hold(hit, self.robots, self.robot.radius_m)
-        else:
-            for i, thing in hit.items():
-                self._ledger.add(i, thing, self.robots)
-                self.stop(i)
-                events.append(Event(i, "collided", thing, t_s + h))
-        for i, arrival_s in arrivals.items():
-            self.stop(i)
-            events.append(Event(i, "reached", None, t_s + arrival_s))
-
-    def _contacts(self) -> dict[int, Thing]:
-        """Return what each running robot touches now, by robot index; of several things the first one by name."""
-        self._place()
-        hit: dict[int, Thing] = {}
-        for one, other in self.touches():
-            for robot, thing in ((one, other), (other, one)):
-                if robot.kind == "robot" and self.robots[robot.index]["running"]:
-                    hit[robot.index] = min(hit.get(robot.index, thing), thing)
-        return dict(sorted(hit.items()))
+    def _thing(self, kind: int, row: int) -> Thing:
+        """Return what has this row among the scene's things of a kind."""
+        layout = self.scene.layout
+        if kind == BOX:
+            walls_from = len(layout.boxes)
+            return Thing("box", row) if row < walls_from else Thing("wall", row - walls_from)
+        if kind not in (DISC, POLYGON):
+            return Thing("robot", row)
+        still = len(layout.discs) if kind == DISC else len(layout.polygons)
+        if row < still:
+            return Thing("disc" if kind == DISC else "polygon", row)
+        before = len(layout.round_movers()) if kind == POLYGON else 0
+        return Thing("mover", self.scene.mover_order()[before + row - still])
 
     def _place(self) -> None:
         self.place()
         self._is_placed = True
-
-    def _measure_clearance(self) -> None:
-        scene = self.scene
-        measure_clearance(self.robots, scene.boxes, scene.discs, scene.polygons, self.robot.radius_m)
 
     def _blind_inside_things(self, ranges: FloatArray, clearances_m: list[float]) -> None:
         """Set to 0, in place, what sensors read whose rays begin inside something, and so hit nothing."""
         scene = self.scene
         for i, clearance_m in enumerate(clearances_m):
             robot = self.robots[i]
-            if (self.touching[i] or clearance_m <= self.rays.exposed_m) and robot["running"]:
-                others = np.concatenate([scene.discs, other_robots(self.robots, i, self.robot.radius_m)])
-                self.rays.blind_inside_things(ranges[i], robot, scene.boxes, others, scene.polygons)
+            if clearance_m <= max(self.rays.exposed_m, 0.0) and robot["running"]:
+                others = np.empty((len(self.robots) - 1, 5))
+                other_robots(self.robots, i, self.robot.radius_m, others)
+                discs = np.concatenate([scene.discs, others])
+                self.rays.blind_inside_things(ranges[i], robot, scene.boxes, discs, scene.polygons)

@@ -145,7 +145,7 @@ class BulletSimulator(Simulator):
         return list(map(_FRACTION, hits))
 
     def touches(self) -> list[tuple[Thing, Thing]]:
-        """Return the pairs of things that touch now, among those that PyBullet finds near each other."""
+        """Return the pairs of things that PyBullet finds in touch now; the exact instants do not ask it."""
         pybullet.performCollisionDetection(physicsClientId=self.client)
         points = pybullet.getContactPoints(physicsClientId=self.client)
         return [(self._things[one], self._things[other]) for one, other, away in map(_BODIES, points) if away <= 0.0]

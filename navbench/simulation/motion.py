@@ -1,4 +1,10 @@
-"""One substep of all robots, compiled: wheels, arcs, arrival, clearance. No contact is decided here."""
+"""One control period of all robots, compiled: wheels, arcs, and the instants of arrival and contact.
+
+Between two changes of its wheels' speeds a robot moves along one arc. On it the distance to anything convex that stands
+or moves in a straight line is bounded from below by a parabola: it is convex in the robot's place, and the place has a
+known acceleration. The parabola's root is an instant before which nothing can be touched; stepping from root to root
+comes to the first contact, or past the nearest point, in a few steps.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -7,13 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled
-from navbench.mathematics.geometry import distance_to_nearest, segment_crossing, wrap_angle
-from navbench.mathematics.kinematics import advance_arc, closest_approach, lag_speed, ramp_speed
+from navbench.mathematics.geometry import box_gap, distance_to_nearest, polygon_gap, wrap_angle
+from navbench.mathematics.kinematics import advance_arc, lag_speed, ramp_speed
+from navbench.world.shapes import place_movers, time_to_turn
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 RobotArray = NDArray[np.void]
+Movers = tuple[FloatArray, FloatArray]  # as ``mover_tables`` returns them
+Scenery = tuple[FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers]  # see ``Scene.arrays``
+Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Drive.arrays``
 
-NOT_YET = -1.0  # no arrival in this substep
+SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something may have moved this far
+TOUCH_RADII = 1e-12  # what is nearer touches
+ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
+TURN_S = 1e-9  # movers that turn within this have turned
+STEPS_MAX = 100  # of the search for one contact, of which ten are many
+
+NONE, BOX, DISC, POLYGON, ROBOT_KIND, GOAL = range(6)  # what may be met
+RUNNING, REACHED, COLLIDED, STOPPED = range(4)  # what may have become of a robot
 
 
 class RobotState(NamedTuple):
@@ -27,19 +45,28 @@ class RobotState(NamedTuple):
         right_mps: the right wheel's.
         left_travel_m: what the left wheel covered in the present control period [m].
         right_travel_m: what the right one did.
-        clearance_m: from the hull to the nearest thing, now [m].
+        clearance_m: from the hull to the nearest thing, at the end of the latest substep [m].
         min_clearance_m: the least of these so far.
         path_length_m: what its centre has covered so far [m].
         turning_rad: how far it has turned so far, to either side [rad].
-        running: whether it has no outcome yet.
         goal_x_m: where it shall go [m].
         goal_y_m: where it shall go [m].
-        start_x_m: where it was before the present substep [m].
-        start_y_m: where it was then.
-        start_heading_rad: where it looked then.
-        left_mean_mps: the left wheel's mean speed over the present substep [m/s].
+        arc_x_m: where its present arc begins [m].
+        arc_y_m: where that is [m].
+        arc_heading_rad: where it looked there.
+        arc_s: for how long it has followed the arc [s].
+        left_mean_mps: the left wheel's mean speed on the arc [m/s].
         right_mean_mps: the right wheel's.
-        arrival_s: when in the present substep it reached its goal [s], ``NOT_YET`` for never.
+        held_m: the clearance at which a contact holds it [m], nan for none.
+        end_s: when it ended [s].
+        running: whether it has no outcome yet.
+        outcome: ``RUNNING``, ``REACHED``, ``COLLIDED`` or ``STOPPED``.
+        is_held: whether it stands until the present substep ends, because it hit something.
+        hit: of what kind the last thing is that it hit, ``NONE`` for none.
+        hit_index: its row in the scene's arrays, or its number among the robots.
+        contacts: how often it touched something.
+        robot_contacts: of these, how often another robot.
+        standing_contacts: of all, how often while its wheels stood.
     """
 
     x_m: float
@@ -53,106 +80,376 @@ class RobotState(NamedTuple):
     min_clearance_m: float
     path_length_m: float
     turning_rad: float
-    running: int
     goal_x_m: float
     goal_y_m: float
-    start_x_m: float
-    start_y_m: float
-    start_heading_rad: float
+    arc_x_m: float
+    arc_y_m: float
+    arc_heading_rad: float
+    arc_s: float
     left_mean_mps: float
     right_mean_mps: float
-    arrival_s: float
+    held_m: float
+    end_s: float
+    running: int
+    outcome: int
+    is_held: int
+    hit: int
+    hit_index: int
+    contacts: int
+    robot_contacts: int
+    standing_contacts: int
 
 
-ROBOT = np.dtype([(name, "i8" if name == "running" else "f8") for name in RobotState._fields])
+ROBOT = np.dtype([(name, "f8" if kind is float else "i8") for name, kind in RobotState.__annotations__.items()])
 
 # What does not change in an episode.
 FIXED = np.dtype(
     [
         ("radius_m", "f8"),  # every robot's hull
         ("track_m", "f8"),  # distance between the wheels
+        ("wheel_speed_max_mps", "f8"),
         ("accel_max_mps2", "f8"),  # wheel-acceleration limit, infinite for none
         ("lag_s", "f8"),  # the wheels' time constant, 0 for none
+        ("delay_s", "f8"),  # how long a command takes to reach the wheels
         ("goal_tolerance_m", "f8"),  # how near the goal counts as arrived
-        ("margin_m", "f8"),  # a substep in which a robot comes this near to something must be settled
-        ("has_finish_line", "i8"),
-        ("finish_line", "f8", (4,)),  # its ends x1, y1, x2, y2 [m]
+        ("fastest_mover_mps", "f8"),
+        ("blocks", "i8"),  # whether a contact holds a robot, and does not end it
     ]
 )
 
 
 @compiled
-def move(
-    robots: RobotArray,
-    targets_mps: FloatArray,
-    boxes: FloatArray,
-    discs: FloatArray,
-    polygons: FloatArray,
-    fixed: NDArray[np.void],
-    dt_s: float,
-    substeps: int,
-    new_period: bool,
-    any_held: bool,
-) -> tuple[int, bool, bool]:
-    """Move every running robot, in place, until a substep that must be settled: then it is known where all stand.
-
-    Clearances are those at a substep's end, and are counted in those that need no settling; after one that does,
-    ``count_clearance`` counts them.
-
-    Args:
-        robots: (n,) of ``ROBOT``.
-        targets_mps: (n, 2) the command in force for each left and right wheel [m/s].
-        boxes: (k, 6) as in ``Layout.box_rows``.
-        discs: (m, 5) as in ``Layout.disc_rows``, at the substep's end.
-        polygons: (l, ...) as in ``Layout.polygon_rows``, at the substep's end.
-        fixed: (1,) of ``FIXED``.
-        dt_s: the substep [s].
-        substeps: how many at most; more than one only where nothing but the robots moves.
-        new_period: whether the first substep is the first of a control period.
-        any_held: whether a contact lasts, so that every substep must be settled.
-
-    Returns:
-        How many substeps were made, whether the last one must be settled, and whether a robot came near in it.
-    """
-    for k in range(substeps):
-        arrived = _move_once(robots, targets_mps, fixed[0], dt_s, new_period and k == 0)
-        near = measure_clearance(robots, boxes, discs, polygons, fixed[0].radius_m) <= fixed[0].margin_m
-        if near or arrived or any_held:
-            return k + 1, True, near
-        count_clearance(robots)
-    return substeps, False, False
+def set_command(issued: FloatArray, index: int, v_mps: float, w_radps: float, fixed: NDArray[np.void]) -> bool:
+    """Set one robot's command, each wheel clipped at its limit; return False for one that is not finite."""
+    limit, turn = fixed[0].wheel_speed_max_mps, 0.5 * w_radps * fixed[0].track_m
+    left, right = v_mps - turn, v_mps + turn
+    if not (math.isfinite(left) and math.isfinite(right)):
+        return False
+    issued[index, 0], issued[index, 1] = min(max(left, -limit), limit), min(max(right, -limit), limit)
+    return True
 
 
 @compiled
-def _move_once(robots: RobotArray, targets_mps: FloatArray, fixed: Any, dt_s: float, new_period: bool) -> bool:
-    """Move every running robot through one substep and return whether one came to its goal."""
-    arrived = False
+def advance(
+    robots: RobotArray, pipeline: Pipeline, scenery: Scenery, fixed: NDArray[np.void], t_s: float, dt_s: float
+) -> int:
+    """Move everything through one control period, in place, and return how many robots still run.
+
+    Args:
+        robots: (n,) of ``ROBOT``, and the scene, as they are at the period's beginning.
+        pipeline: the commands, as ``Drive.arrays``.
+        scenery: as ``Scene.arrays``.
+        fixed: (1,) of ``FIXED``.
+        t_s: the period's beginning [s].
+        dt_s: its length [s].
+    """
+    issued, in_force, flight_s, flight, flying = pipeline
+    for i in range(robots.shape[0]):
+        robots[i].left_travel_m, robots[i].right_travel_m = 0.0, 0.0
+    if fixed[0].delay_s == 0.0:
+        in_force[:] = issued
+        _drive(robots, in_force, scenery, fixed[0], t_s, dt_s)
+    else:
+        flight_s[flying[0]] = t_s + fixed[0].delay_s
+        flight[flying[0]] = issued
+        flying[0] += 1
+        begin, landed = t_s, 0
+        while landed < flying[0] and flight_s[landed] < t_s + dt_s - 1e-12:
+            if flight_s[landed] > begin:
+                _drive(robots, in_force, scenery, fixed[0], begin, flight_s[landed] - begin)
+                begin = flight_s[landed]
+            in_force[:] = flight[landed]
+            landed += 1
+        _drive(robots, in_force, scenery, fixed[0], begin, t_s + dt_s - begin)
+        flying[0] -= landed
+        for k in range(flying[0]):
+            flight_s[k], flight[k] = flight_s[k + landed], flight[k + landed]
+    running = 0
+    for i in range(robots.shape[0]):
+        running += robots[i].running
+    return running
+
+
+@compiled
+def _drive(
+    robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, duration_s: float
+) -> None:
+    """Move everything while one command is in force for each robot, (n, 2) wheel speeds [m/s]."""
+    fastest = fixed.fastest_mover_mps
+    for i in range(robots.shape[0]):
+        if robots[i].running:
+            left = max(abs(robots[i].left_mps), abs(targets[i, 0]))
+            right = max(abs(robots[i].right_mps), abs(targets[i, 1]))
+            fastest = max(fastest, 0.5 * (left + right))
+    substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * fixed.radius_m) - 1e-9))
+    h = duration_s / substeps
+    for k in range(substeps):
+        for i in range(robots.shape[0]):
+            if robots[i].running:
+                _begin_arc(robots[i], targets[i, 0], targets[i, 1], fixed, h)
+        _substep(robots, scenery, fixed, t_s + k * h, h, fastest)
+
+
+@compiled
+def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, h: float) -> None:
+    """Turn the wheels of a robot for a substep: its arc goes on where their mean speeds are those of before."""
+    left, robot.left_mps = _wheel(robot.left_mps, left_target, fixed, h)
+    right, robot.right_mps = _wheel(robot.right_mps, right_target, fixed, h)
+    if left != robot.left_mean_mps or right != robot.right_mean_mps or robot.is_held:
+        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, robot.arc_s = robot.x_m, robot.y_m, robot.heading_rad, 0.0
+    robot.left_mean_mps, robot.right_mean_mps, robot.is_held = left, right, 0
+
+
+@compiled
+def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, h: float, fastest_mps: float) -> None:
+    """Move everything through one substep, from event to event."""
+    boxes, discs, polygons, _, round_movers, outlined_movers = scenery
+    moves = fixed.fastest_mover_mps > 0.0
+    begin = 0.0
+    while begin < h:
+        end = h
+        if moves:
+            turn = min(time_to_turn(t_s + begin, *round_movers), time_to_turn(t_s + begin, *outlined_movers))
+            end = min(h, begin + max(turn, TURN_S))
+        when, who, kind, what = _first_event(robots, scenery, fixed, begin, end, fastest_mps)
+        begin = min(when, end)
+        if moves:
+            place_movers(t_s + begin, *round_movers, discs)
+            place_movers(t_s + begin, *outlined_movers, polygons)
+        if kind != NONE:
+            _pose_all(robots, begin, fixed)
+            measure_clearance(robots, boxes, discs, polygons, fixed.radius_m)
+            _meet(robots, who, kind, what, t_s, begin, fixed)
+            if kind == ROBOT_KIND and robots[what].running and not robots[what].is_held:
+                _meet(robots, what, ROBOT_KIND, who, t_s, begin, fixed)
+    _pose_all(robots, h, fixed)
+    measure_clearance(robots, boxes, discs, polygons, fixed.radius_m)
+    for i in range(robots.shape[0]):
+        robot = robots[i]
+        if robot.running:
+            robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
+            if robot.is_held:
+                robot.held_m = max(robot.held_m, robot.clearance_m)
+            else:
+                _count(robot, h, fixed.track_m)
+                robot.arc_s += h
+                if robot.clearance_m > max(robot.held_m, 0.0) + ROUNDING_RADII * fixed.radius_m:
+                    robot.held_m = math.nan
+
+
+@compiled
+def _meet(robots: RobotArray, who: int, kind: int, what: int, t_s: float, since_s: float, fixed: Any) -> None:
+    """Let one robot, posed where it is at an instant of a substep, arrive or touch something."""
+    robot = robots[who]
+    _count(robot, since_s, fixed.track_m)
+    if kind != GOAL:
+        if math.isnan(robot.held_m):
+            robot.contacts += 1
+            robot.robot_contacts += kind == ROBOT_KIND
+            robot.standing_contacts += robot.left_mean_mps == 0.0 and robot.right_mean_mps == 0.0
+        robot.hit, robot.hit_index = kind, what
+        robot.held_m = robot.clearance_m if math.isnan(robot.held_m) else max(robot.held_m, robot.clearance_m)
+        if fixed.blocks:
+            robot.is_held, robot.left_mps, robot.right_mps = 1, 0.0, 0.0
+            return
+    robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
+    robot.outcome = REACHED if kind == GOAL else COLLIDED
+    robot.running, robot.end_s = 0, t_s + since_s
+
+
+@compiled
+def _pose_all(robots: RobotArray, since_s: float, fixed: Any) -> None:
+    """Put every robot that moves where it is at an instant of the substep."""
+    for i in range(robots.shape[0]):
+        if robots[i].running and not robots[i].is_held:
+            robot = robots[i]
+            robot.x_m, robot.y_m, heading = _pose(robot, since_s, fixed.track_m)
+            robot.heading_rad = wrap_angle(heading)
+
+
+@compiled
+def _velocities(robot: Any, track_m: float) -> tuple[float, float]:
+    """Return a moving robot's speed [m/s] and turning rate [rad/s] on its arc."""
+    left, right = robot.left_mean_mps, robot.right_mean_mps
+    return 0.5 * (left + right), (right - left) / track_m
+
+
+@compiled
+def _pose(robot: Any, since_s: float, track_m: float) -> tuple[float, float, float]:
+    """Return where a moving robot is at an instant of the substep."""
+    v, w = _velocities(robot, track_m)
+    pose: tuple[float, float, float] = advance_arc(
+        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + since_s
+    )
+    return pose
+
+
+@compiled
+def _first_event(
+    robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, fastest_mps: float
+) -> tuple[float, int, int, int]:
+    """Return the first event between two instants of a substep: when, whose, of what kind, and with what.
+
+    Contact beats arrival at the same instant; otherwise the first robot and the first thing of the scene count.
+    """
+    boxes, discs, polygons, line, _, _ = scenery
+    first, who, kind, what = math.inf, -1, NONE, -1
+    limit = end
     for i in range(robots.shape[0]):
         robot = robots[i]
         if not robot.running:
             continue
-        left, robot.left_mps = _wheel(robot.left_mps, targets_mps[i, 0], fixed, dt_s)
-        right, robot.right_mps = _wheel(robot.right_mps, targets_mps[i, 1], fixed, dt_s)
-        v, w = 0.5 * (left + right), (right - left) / fixed.track_m
-        x, y, heading = robot.x_m, robot.y_m, robot.heading_rad
-        robot.start_x_m, robot.start_y_m, robot.start_heading_rad = x, y, heading
-        end_x, end_y, end_heading = advance_arc(x, y, heading, v, w, dt_s)
-        robot.arrival_s = NOT_YET
-        if fixed.has_finish_line:
-            fraction = segment_crossing(x, y, end_x, end_y, fixed.finish_line)
-            if fraction >= 0.0:
-                robot.arrival_s = fraction * dt_s
+        v = 0.0 if robot.is_held else 0.5 * abs(robot.left_mean_mps + robot.right_mean_mps)
+        # the clearance is that of the substep's beginning or of an event in it
+        if robot.clearance_m <= (v + fastest_mps) * end + fixed.radius_m * ROUNDING_RADII and not robot.is_held:
+            for k in range(boxes.shape[0]):
+                when = _contact(robot, fixed, begin, limit, BOX, boxes, k, fixed.radius_m)
+                if when < first:
+                    first, limit, who, kind, what = when, when, i, BOX, k
+            for k in range(discs.shape[0]):
+                when = _contact(robot, fixed, begin, limit, DISC, discs, k, fixed.radius_m)
+                if when < first:
+                    first, limit, who, kind, what = when, when, i, DISC, k
+            for k in range(polygons.shape[0]):
+                when = _contact(robot, fixed, begin, limit, POLYGON, polygons, k, fixed.radius_m)
+                if when < first:
+                    first, limit, who, kind, what = when, when, i, POLYGON, k
+            for k in range(robots.shape[0]):
+                if k < i and robots[k].running and not robots[k].is_held or k == i:
+                    continue  # a pair of two that move is looked at once
+                when = _encounter(robot, robots[k], fixed, begin, limit)
+                if when < first:
+                    first, limit, who, kind, what = when, when, i, ROBOT_KIND, k
+    for i in range(robots.shape[0]):
+        robot = robots[i]
+        if robot.running and not robot.is_held:
+            when = math.inf
+            if line.shape[0]:
+                when = _contact(robot, fixed, begin, limit, GOAL, line, 0, 0.0)
+            else:
+                when = _arrival(robot, fixed, begin, limit)
+            if when < first:
+                first, limit, who, kind, what = when, when, i, GOAL, -1
+    return first, who, kind, what
+
+
+@compiled
+def _step(gap: float, rate: float, bend: float) -> float:
+    """Return for how long gap + rate t - bend t^2 / 2 stays positive, for a positive gap; infinite for ever."""
+    falls = math.sqrt(rate * rate + 2.0 * bend * gap) - rate
+    return 2.0 * gap / falls if falls > 0.0 else math.inf
+
+
+@compiled
+def _leave(rate: float, bend: float) -> float:
+    """Return for how long rate t - bend t^2 / 2 stays positive; infinite for ever."""
+    return 2.0 * rate / bend if bend > 0.0 else math.inf
+
+
+@compiled
+def _contact(
+    robot: Any, fixed: Any, begin: float, end: float, kind: int, things: FloatArray, k: int, radius_m: float
+) -> float:
+    """Return when between two instants of a substep a robot first touches a thing, infinite for never.
+
+    A robot that touches already and does not come nearer does not touch anew; a line is crossed wherever it stands.
+
+    Args:
+        robot: of ``ROBOT``.
+        fixed: of ``FIXED``.
+        begin: the first instant, at which the thing is where its row says [s].
+        end: the last one [s].
+        kind: ``BOX``, ``DISC``, ``POLYGON``, or ``GOAL`` for a finish line.
+        things: its rows.
+        k: its row.
+        radius_m: how near is touching [m].
+    """
+    v, w = _velocities(robot, fixed.track_m)
+    ux, uy = 0.0, 0.0
+    if kind == DISC or kind == POLYGON:
+        ux, uy = things[k, 3], things[k, 4]
+        if (
+            math.hypot(robot.x_m - things[k, 0], robot.y_m - things[k, 1]) - things[k, 2] - radius_m
+            > 2.0 * (abs(v) + math.hypot(ux, uy)) * end + fixed.radius_m
+        ):
+            return math.inf
+    bend, touch, t = abs(v * w), TOUCH_RADII * fixed.radius_m, begin
+    for _ in range(STEPS_MAX):
+        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
+        x, y = x - ux * (t - begin), y - uy * (t - begin)
+        if kind == DISC:
+            dx, dy = x - things[k, 0], y - things[k, 1]
+            away = max(math.hypot(dx, dy), 1e-300)
+            gap, nx, ny = away - things[k, 2], dx / away, dy / away
+        elif kind == POLYGON:
+            gap, nx, ny = polygon_gap(x, y, things, k)
         else:
-            when, distance = closest_approach(x, y, heading, v, w, dt_s, robot.goal_x_m, robot.goal_y_m)
-            if distance <= fixed.goal_tolerance_m:
-                robot.arrival_s = when
-        arrived = arrived or robot.arrival_s != NOT_YET
-        robot.x_m, robot.y_m, robot.heading_rad = end_x, end_y, wrap_angle(end_heading)
-        robot.left_mean_mps, robot.right_mean_mps = left, right
-        if new_period:
-            robot.left_travel_m, robot.right_travel_m = 0.0, 0.0
-        _count(robot, dt_s, fixed.track_m)
-    return arrived
+            gap, nx, ny = box_gap(x, y, things, k)
+        gap -= radius_m
+        rate = nx * (v * math.cos(heading) - ux) + ny * (v * math.sin(heading) - uy)
+        if gap > touch:
+            t += _step(gap, rate, bend)
+        elif rate < 0.0 or kind == GOAL:
+            return t
+        else:
+            t += max(_leave(rate, bend), TURN_S)
+        if t > end:
+            return math.inf
+    return t
+
+
+@compiled
+def _arrival(robot: Any, fixed: Any, begin: float, end: float) -> float:
+    """Return when between two instants of a substep a robot's centre comes near enough to its goal, or infinity."""
+    v, w = _velocities(robot, fixed.track_m)
+    near = fixed.goal_tolerance_m
+    if math.hypot(robot.x_m - robot.goal_x_m, robot.y_m - robot.goal_y_m) > near + 2.0 * abs(v) * end:
+        return math.inf
+    bend, touch, t = abs(v * w), TOUCH_RADII * fixed.radius_m, begin
+    for _ in range(STEPS_MAX):
+        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
+        dx, dy = x - robot.goal_x_m, y - robot.goal_y_m
+        away = math.hypot(dx, dy)
+        if away <= near + touch:
+            return t
+        t += _step(away - near, v * (dx * math.cos(heading) + dy * math.sin(heading)) / away, bend)
+        if t > end:
+            return math.inf
+    return t
+
+
+@compiled
+def _encounter(robot: Any, other: Any, fixed: Any, begin: float, end: float) -> float:
+    """Return when between two instants of a substep a moving robot first touches another one, or infinity."""
+    size, touch = 2.0 * fixed.radius_m, TOUCH_RADII * fixed.radius_m
+    v, w = _velocities(robot, fixed.track_m)
+    ov, ow = 0.0, 0.0
+    if other.running and not other.is_held:
+        ov, ow = _velocities(other, fixed.track_m)
+    if math.hypot(robot.x_m - other.x_m, robot.y_m - other.y_m) - size > 2.0 * (abs(v) + abs(ov)) * end + touch:
+        return math.inf
+    bend, t = abs(v * w) + abs(ov * ow), begin
+    ox, oy, o_heading = other.x_m, other.y_m, other.heading_rad
+    for _ in range(STEPS_MAX):
+        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
+        if other.running and not other.is_held:
+            ox, oy, o_heading = advance_arc(
+                other.arc_x_m, other.arc_y_m, other.arc_heading_rad, ov, ow, other.arc_s + t
+            )
+        dx, dy = x - ox, y - oy
+        away = math.hypot(dx, dy)
+        vx = v * math.cos(heading) - ov * math.cos(o_heading)
+        vy = v * math.sin(heading) - ov * math.sin(o_heading)
+        rate = (dx * vx + dy * vy) / max(away, 1e-300)
+        if away - size > touch:
+            t += _step(away - size, rate, bend)
+        elif rate < 0.0:
+            return t
+        else:
+            t += max(_leave(rate, bend), TURN_S)
+        if t > end:
+            return math.inf
+    return t
 
 
 @compiled
@@ -175,55 +472,20 @@ def measure_clearance(
 
 
 @compiled
-def count_clearance(robots: RobotArray) -> None:
-    """Count every running robot's present clearance into its least one."""
-    for i in range(robots.shape[0]):
-        if robots[i].running:
-            robots[i].min_clearance_m = min(robots[i].min_clearance_m, robots[i].clearance_m)
-
-
-@compiled
-def stop_at_arrival(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
-    """Set one robot back from the substep's end to the instant at which it arrived."""
-    robot = robots[index]
-    left, right = robot.left_mean_mps, robot.right_mean_mps
-    x, y, heading = advance_arc(
-        robot.start_x_m,
-        robot.start_y_m,
-        robot.start_heading_rad,
-        0.5 * (left + right),
-        (right - left) / track_m,
-        robot.arrival_s,
-    )
-    robot.x_m, robot.y_m, robot.heading_rad = x, y, wrap_angle(heading)
-    _count(robot, robot.arrival_s - dt_s, track_m)
-
-
-@compiled
-def hold(robots: RobotArray, index: int, dt_s: float, track_m: float) -> None:
-    """Put one robot back to its pose before the substep, its wheels standing: it is blocked."""
-    robot = robots[index]
-    robot.x_m, robot.y_m, robot.heading_rad = robot.start_x_m, robot.start_y_m, robot.start_heading_rad
-    _count(robot, -dt_s, track_m)
-    robot.left_mps, robot.right_mps = 0.0, 0.0
-
-
-@compiled
-def other_robots(robots: RobotArray, index: int, radius_m: float) -> FloatArray:
-    """Return all robots but one as discs: (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
-    discs = np.empty((robots.shape[0] - 1, 5))
+def other_robots(robots: RobotArray, index: int, radius_m: float, discs: FloatArray) -> None:
+    """Write all robots but one as discs, (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
     for i in range(robots.shape[0]):
         if i != index:
             robot = robots[i]
             v = 0.5 * (robot.left_mps + robot.right_mps) if robot.running else 0.0
-            heading = robot.heading_rad
-            discs[i - (i > index)] = robot.x_m, robot.y_m, radius_m, v * math.cos(heading), v * math.sin(heading)
-    return discs
+            heading, k = robot.heading_rad, i - (i > index)
+            discs[k, 0], discs[k, 1], discs[k, 2] = robot.x_m, robot.y_m, radius_m
+            discs[k, 3], discs[k, 4] = v * math.cos(heading), v * math.sin(heading)
 
 
 @compiled
 def _count(robot: Any, dt_s: float, track_m: float) -> None:
-    """Add what the robot covers in this time to its sums; a negative time takes it back."""
+    """Add what the robot covers in this time to its sums."""
     left, right = robot.left_mean_mps, robot.right_mean_mps
     robot.left_travel_m += left * dt_s
     robot.right_travel_m += right * dt_s

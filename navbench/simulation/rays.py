@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled
-from navbench.mathematics.geometry import box_distance, distance_to_nearest
+from navbench.mathematics.geometry import box_gap, distance_to_nearest
 from navbench.sensors import Sensors
 
 FloatArray = NDArray[np.float64]
@@ -175,7 +175,7 @@ def _boxes_within(x: float, y: float, far_m: float, boxes: FloatArray, found: In
     """Write the numbers of the boxes that come this near to a point, and return how many do."""
     count = 0
     for i in range(boxes.shape[0]):
-        if box_distance(x, y, boxes[i]) <= far_m:
+        if box_gap(x, y, boxes, i)[0] <= far_m:
             found[count] = i
             count += 1
     return count

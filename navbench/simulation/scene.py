@@ -18,18 +18,21 @@ class Scene:
         boxes: (n, 6) as in ``Layout.box_rows``.
         discs: (m, 5) as in ``Layout.disc_rows``, changed in place.
         polygons: (l, 5 + 2 k) as in ``Layout.polygon_rows``, changed in place.
-        finish_line: (4,) its ends x1, y1, x2, y2 [m], or (0,) for none.
+        finish_line: (1, 6) as a box without width, or (0, 6) for none.
+        arrays: all of these and the movers' tables, round and outlined ones, as compiled functions take them.
         fastest_mps: the largest speed of any mover [m/s].
     """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.boxes, self.discs, self.polygons = layout.box_rows(), layout.disc_rows(), layout.polygon_rows()
-        line = layout.finish_line
-        self.finish_line = np.array([] if line is None else [line.x1_m, line.y1_m, line.x2_m, line.y2_m])
+        self.finish_line = layout.finish_line_row()
         self.fastest_mps = layout.fastest_mps
         self._round_tables = mover_tables(layout.round_movers())
         self._outlined_tables = mover_tables(layout.outlined_movers())
+        self.arrays = (
+            self.boxes, self.discs, self.polygons, self.finish_line, self._round_tables, self._outlined_tables
+        )  # fmt: skip
 
     def move_to(self, t_s: float) -> None:
         """Put the movers where they are at a time [s]."""

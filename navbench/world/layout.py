@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import cache
 from typing import Annotated, Any
@@ -172,26 +173,15 @@ class Layout:
 
     def solids(self) -> tuple[Box, ...]:
         """Return everything rectangular: the boxes, then the walls as boxes."""
-        walls = (
-            Box(
-                x_m=0.5 * (wall.x1_m + wall.x2_m),
-                y_m=0.5 * (wall.y1_m + wall.y2_m),
-                length_m=math.hypot(wall.x2_m - wall.x1_m, wall.y2_m - wall.y1_m),
-                width_m=wall.thickness_m,
-                heading_rad=math.atan2(wall.y2_m - wall.y1_m, wall.x2_m - wall.x1_m),
-            )
-            for wall in self.walls
-        )
-        return (*self.boxes, *walls)
+        return (*self.boxes, *(Box(*_along(wall, wall.thickness_m)) for wall in self.walls))
 
     def box_rows(self) -> FloatArray:
         """Return boxes and walls as (n, 6) rows: centre x, y, half length, half width, cos and sin of the heading."""
-        rows = [
-            (box.x_m, box.y_m, 0.5 * box.length_m, 0.5 * box.width_m, math.cos(box.heading_rad),
-             math.sin(box.heading_rad))
-            for box in self.solids()
-        ]  # fmt: skip
-        return np.array(rows).reshape(-1, 6)
+        return _box_rows([*self.boxes, *(_along(wall, wall.thickness_m) for wall in self.walls)])
+
+    def finish_line_row(self) -> FloatArray:
+        """Return the finish line as a box without width, (1, 6), or (0, 6) where there is none."""
+        return _box_rows([] if self.finish_line is None else [_along(self.finish_line, 0.0)])
 
     def disc_rows(self, t_s: float = 0.0) -> FloatArray:
         """Return discs, then round movers at a time [s], as (n, 5) rows: x, y, radius [m], vx, vy [m/s]."""
@@ -253,6 +243,22 @@ class DrawnWorld(Layout):
 
     def __post_init__(self) -> None:
         """Check nothing again: it was checked as a layout."""
+
+
+Rectangle = tuple[float, float, float, float, float]  # centre x, y, length, width [m], heading [rad]
+
+
+def _along(line: Wall | FinishLine, width_m: float) -> Rectangle:
+    """Return a line between two points as a rectangle of this width [m]."""
+    dx, dy = line.x2_m - line.x1_m, line.y2_m - line.y1_m
+    centre = 0.5 * (line.x1_m + line.x2_m), 0.5 * (line.y1_m + line.y2_m)
+    return *centre, math.hypot(dx, dy), width_m, math.atan2(dy, dx)
+
+
+def _box_rows(rectangles: Sequence[Box | Rectangle]) -> FloatArray:
+    given = [(b.x_m, b.y_m, b.length_m, b.width_m, b.heading_rad) if isinstance(b, Box) else b for b in rectangles]
+    rows = [(x, y, 0.5 * length, 0.5 * width, math.cos(turn), math.sin(turn)) for x, y, length, width, turn in given]
+    return np.array(rows).reshape(-1, 6)
 
 
 def parts_of(layout: Layout) -> dict[str, Any]:

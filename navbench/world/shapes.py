@@ -228,3 +228,20 @@ def place_movers(t_s: float, phases: FloatArray, legs: FloatArray, discs: FloatA
             discs[row, axis] = legs[leg, 3 + axis] + legs[leg, 5 + axis] * (clock - legs[leg, 1])
             discs[row, 3 + axis] = legs[leg, 5 + axis]
         first = last + 1
+
+
+@compiled
+def time_to_turn(t_s: float, phases: FloatArray, legs: FloatArray) -> float:
+    """Return how long all movers keep the velocities of a time [s], infinite without movers; see ``place_movers``."""
+    soonest, first = math.inf, 0
+    for mover in range(phases.shape[0]):
+        last = first
+        while last + 1 < legs.shape[0] and legs[last + 1, 0] == mover:
+            last += 1
+        clock = (t_s + phases[mover]) % legs[last, 2]
+        for leg in range(first, last + 1):
+            if clock < legs[leg, 2]:
+                soonest = min(soonest, legs[leg, 2] - clock)
+                break
+        first = last + 1
+    return soonest
