@@ -59,6 +59,11 @@ def a_robot(radius_m: float = 1.0, speed_mps: float = 1.0, accel_mps2: float | N
     )
 
 
+def starts(*places: tuple[float, float, float]) -> tuple[Start, ...]:
+    """Return starts at x, y [m] with a heading [rad]."""
+    return tuple(Start(x_m=x, y_m=y, heading_rad=heading) for x, y, heading in places)
+
+
 def a_ring(n: int, radius_m: float, reach_m: float, mount_radii: float = 1.0, **changes: Any) -> Sensors:
     """Return n sensors around a robot, evenly spread, the first one looking ahead."""
     turns, away_m = [2.0 * math.pi * i / n for i in range(n)], mount_radii * radius_m

@@ -13,21 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
+from navbench.episode.closed_loop import run_closed
 from navbench.episode.failures import ContractError, Failure, failure, velocities, wrong_trace
 from navbench.episode.perception import Perception
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
 from navbench.mathematics.streams import stream
 from navbench.metrics import METRICS, MetricFunction, RobotRun, declared
+from navbench.policy import CompiledController
 from navbench.records import Outcome, RobotRecord, Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
-from navbench.simulation.motion import RobotState
+from navbench.simulation.motion import RUNNING, STOPPED, RobotState
+from navbench.simulation.planar import PlanarSimulator
 from navbench.validation import DescriptionError
 from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
+
+PERIODS_AT_ONCE = 512  # of a compiled loop: a second's work of nobody, and a few hundred kilobytes
 
 
 @dataclass(slots=True)
@@ -36,7 +41,7 @@ class _Pilot:
 
     controller: Controller
     perception: Perception
-    states: list[tuple[float, ...]] = field(default_factory=list)
+    states: list[Sequence[float]] = field(default_factory=list)
     traces: list[bytes] = field(default_factory=list)
     trace_names: tuple[str, ...] | None = None
     latencies_s: list[float] = field(default_factory=list)
@@ -47,12 +52,17 @@ class _Pilot:
     _in_order: Callable[[Mapping[str, float]], tuple[float, ...]] = field(default=lambda _: ())
     _packed: Callable[..., bytes] = bytes
 
-    def keep_trace(self, trace: Mapping[str, float]) -> None:
-        """Keep one act's trace, packed: it is checked by packing and takes little room.
+    def keep_trace(self) -> None:
+        """Keep the latest act's trace, packed: it is checked by packing and takes little room.
 
         Raises:
             ContractError: it is no mapping, its names are not those of the first act, or a value is no number.
         """
+        if isinstance(self.controller, CompiledController):
+            self.trace_names = self.controller.policy.trace_names
+            self.traces.append(self.controller.policy.trace.tobytes())
+            return
+        trace = trace_of(self.controller)
         try:
             if self.trace_names is None:
                 self.trace_names = names = tuple(trace)
@@ -107,6 +117,7 @@ class EpisodeRunner:
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
         self._period_s = period_s(native, self._similarity)
+        self._periods = math.ceil(world.time_limit_s / self._period_s - 1e-9)
         self._setup = native_setup(robot, self._sensors, native)
         accel_max = accel_max_mps2(robot, native, self._similarity)
         self.simulator = make_simulator(robot, self._sensors, accel_max)
@@ -130,20 +141,94 @@ class EpisodeRunner:
         except DescriptionError as error:  # one bad draw costs its episode, not the study
             metrics = declared(self._metrics)
             return [RobotRecord.lost(i, "no_layout", str(error), metrics) for i in range(self._template.robots)]
-        simulator, time_limit_s = self.simulator, self._template.time_limit_s
-        simulator.reset(self._world, starts, self._template.goal_tolerance_m)
+        pilots = self._begin(starts, episode)
+        if self.simulator.is_compiled and all(isinstance(pilot.controller, CompiledController) for pilot in pilots):
+            try:
+                self._close(pilots)
+            except Exception:  # a policy's own: its robot is found step by step
+                pilots = self._begin(starts, episode)
+                self._drive(pilots)
+        else:
+            self._drive(pilots)
+        return [
+            self._record(i, pilot, state)
+            for i, (pilot, state) in enumerate(zip(pilots, self.simulator.states(), strict=True))
+        ]
+
+    def _begin(self, starts: list[Pose], episode: int) -> list[_Pilot]:
+        """Put the robots at their starts and make their controllers."""
+        self.simulator.reset(self._world, starts, self._template.goal_tolerance_m)
         pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
         for i, pilot in enumerate(pilots):
             if pilot.outcome == "controller_error":
-                simulator.stop(i)
-        states = simulator.states()
-        periods = math.ceil(time_limit_s / self._period_s - 1e-9)
-        for k in range(periods):
-            if not simulator.running:
+                self.simulator.stop(i)
+        return pilots
+
+    def _drive(self, pilots: list[_Pilot]) -> None:
+        """Run control periods one by one."""
+        states, time_limit_s = self.simulator.states(), self._template.time_limit_s
+        for k in range(self._periods):
+            if not self.simulator.running:
                 break
             t_s = k * self._period_s
             states = self._period(pilots, states, t_s, min(self._period_s, time_limit_s - t_s))
-        return [self._record(i, pilot, states[i]) for i, pilot in enumerate(pilots)]
+
+    def _close(self, pilots: list[_Pilot]) -> None:
+        """Run control periods in compiled code, many at a time."""
+        simulator = self.simulator
+        assert isinstance(simulator, PlanarSimulator)
+        policies = [pilot.controller.policy for pilot in pilots if isinstance(pilot.controller, CompiledController)]
+        (step,) = {policy.step for policy in policies}
+        sights = [pilot.perception for pilot in pilots]
+        stacked = tuple(
+            np.stack([getattr(policy, name) for policy in policies]) for name in ("state", "parameters", "trace")
+        )
+        senses = (
+            sights[0].sensing, sights[0].least, sights[0].most, np.array([sight.goal for sight in sights]),
+            *(np.stack([getattr(sight, name) for sight in sights]) for name in ("believed", "wheel_scale")),
+        )  # fmt: skip
+        scene, rays = simulator.scene, simulator.rays
+        discs = len(scene.discs) + len(scene.polygons) + len(pilots) - 1
+        room = simulator.near, np.empty(len(rays.unobstructed)), np.empty((discs, 5))
+        limit_s, first = self._template.time_limit_s, 0
+        while simulator.running and first < self._periods:
+            count = min(PERIODS_AT_ONCE, self._periods - first)
+            drawn = [(*sight.draw(count, discs), sight.draw_travel(count)) for sight in sights]
+            kept = (
+                np.empty((len(pilots), count, 6)), np.empty((len(pilots), count, stacked[2].shape[1])),
+                np.zeros(len(pilots), np.int64),
+            )  # fmt: skip
+            simulator.reserve(min(self._period_s, limit_s))
+            run_closed(
+                step, stacked, simulator.robots, simulator.pipeline, scene.arrays, simulator.fixed,
+                (rays.table, rays.reach_m, rays.unobstructed), senses, tuple(map(np.stack, zip(*drawn, strict=True))),
+                (first, first + count, self._period_s, limit_s), room, kept,
+            )  # fmt: skip
+            simulator.running = int(simulator.robots["running"].sum())
+            for i, (pilot, policy) in enumerate(zip(pilots, policies, strict=True)):
+                pilot.states.extend(kept[0][i, : kept[2][i]])
+                pilot.traces.append(kept[1][i, : kept[2][i]].tobytes())
+                pilot.trace_names = policy.trace_names
+            first += count
+        for i, pilot in enumerate(pilots):
+            self._end(i, pilot)
+
+    def _end(self, index: int, pilot: _Pilot) -> None:
+        """Say how a robot's compiled loop ended."""
+        state = self.simulator.robots[index]
+        if state["outcome"] == RUNNING:
+            begin_s = (len(pilot.states) - 1) * self._period_s
+            pilot.end_s = begin_s + min(self._period_s, self._template.time_limit_s - begin_s)
+        elif state["outcome"] != STOPPED:
+            _, pilot.outcome, pilot.hit, pilot.end_s = self.simulator.end(index)
+        else:
+            pilot.end_s, command = float(state["end_s"]), Command(*map(float, pilot.states[-1][4:]))
+            pilot.states[-1] = (*pilot.states[-1][:4], 0.0, 0.0)
+            try:
+                v, w = velocities(command)
+                self.simulator.command(index, *self._similarity.to_world(Command(v, w)))
+            except ValueError as error:
+                pilot.outcome, pilot.failure = "controller_error", failure(error, pilot.controller.act)
 
     def starts(self, episode: int) -> list[Pose]:
         """Draw an episode's layout and return where its robots begin, see ``draw_starts``."""
@@ -206,7 +291,7 @@ class EpisodeRunner:
             command = pilot.controller.act(observation)
             pilot.latencies_s.append(time.perf_counter() - begin)
             v, w = velocities(command)
-            pilot.keep_trace(trace_of(pilot.controller))
+            pilot.keep_trace()
             if self._converts:
                 v, w = self._similarity.to_world(Command(v, w))
             simulator.command(index, v, w)
@@ -220,7 +305,8 @@ class EpisodeRunner:
         names = pilot.trace_names or ()
         traces = np.full((len(states), len(names)), np.nan)
         if names:
-            traces[: len(pilot.traces)] = np.frombuffer(b"".join(pilot.traces)).reshape(-1, len(names))
+            acted = np.frombuffer(b"".join(pilot.traces)).reshape(-1, len(names))
+            traces[: len(acted)] = acted
         if pilot.outcome == "controller_error":
             states = states[:-1] if pilot.states else states
             traces = traces[: len(states)]

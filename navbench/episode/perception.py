@@ -1,6 +1,7 @@
 """Perception: what one robot knows at one instant, with the errors of its sensors, in its controller's units."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,38 @@ from navbench.sensors import Sensors
 
 FloatArray = NDArray[np.float64]
 
+# What does not change in an episode, of what a robot's sensors do wrong and in which units its controller lives.
+SENSING = np.dtype(
+    [
+        ("length", "f8"),  # world length of one native length
+        ("time", "f8"),  # world time of one native time
+        ("noise_std_m", "f8"),  # of ranges
+        ("dropout_probability", "f8"),
+        ("tracks", "i8"),  # whether there is a tracker
+        ("tracker_range_m", "f8"),
+        ("tracker_std_m", "f8"),
+        ("drifts", "i8"),  # whether the believed pose may differ from the true one
+        ("travel_noise", "f8"),
+        ("track_m", "f8"),
+    ]
+)
+
+
 _NO_DISCS: FloatArray = np.empty((0, 5))
-_NO_DISCS.flags.writeable = False
-_NONE: FloatArray = np.empty(0)
+
+
+class Errors(NamedTuple):
+    """The draws behind the errors of some observations, an array (n_periods, ...) a kind, without columns for none.
+
+    Attributes:
+        ranges: (n_periods, n_sensors) in standard deviations.
+        dropouts: (n_periods, n_sensors) in [0, 1); below the probability a sensor sees nothing.
+        places: (n_periods, n_discs, 2) of each disc's x and y, in standard deviations.
+    """
+
+    ranges: FloatArray
+    dropouts: FloatArray
+    places: FloatArray
 
 
 class Perception:
@@ -35,6 +65,14 @@ class Perception:
 
     Attributes:
         drifts: whether the believed pose may differ from the true one, so that ``travel`` must be called.
+        sensing: (1,) of ``SENSING``.
+        length: world length of one native length.
+        time: world time of one native time.
+        goal: the goal's position, native.
+        least: (n_sensors,) the smallest readings [m].
+        most: (n_sensors,) the largest readings [m].
+        wheel_scale: (2,) by what the encoders multiply the wheels' travel.
+        believed: (5,) the believed x, y [m], heading [rad], v [m/s] and w [rad/s]; the true ones without drift.
     """
 
     def __init__(
@@ -47,35 +85,54 @@ class Perception:
         name: tuple[int, str, int, int],
     ) -> None:
         seed, world, episode, index = name
-        self._sensors, self._similarity, self._track_m, self._goal = sensors, similarity, track_m, goal
+        tracker, odometry = sensors.tracker, sensors.odometry
+        self.drifts = bool(odometry.travel_noise or odometry.wheel_scale_std)
+        self.sensing = np.zeros(1, SENSING)
+        self.sensing[0] = (
+            *similarity, sensors.noise_std_m, sensors.dropout_probability, tracker is not None,
+            tracker.range_m if tracker else 0.0, tracker.position_noise_std_m if tracker else 0.0,
+            self.drifts, odometry.travel_noise, track_m,
+        )  # fmt: skip
+        self.length, self.time = similarity
+        self.goal = (goal[0] / similarity.length, goal[1] / similarity.length)
         mounts = sensors.complete_mounts()
-        self._min = np.array([mount.min_range_m for mount in mounts], dtype=np.float64)
-        self._max = np.array([mount.max_range_m for mount in mounts], dtype=np.float64)
-        self._range_rng = stream(seed, world, episode, "range", index) if sensors.noise_std_m else None
-        self._dropout_rng = stream(seed, world, episode, "dropout", index) if sensors.dropout_probability else None
-        self._errs = bool(sensors.noise_std_m or sensors.dropout_probability)
-        self._has_least = bool((self._min > 0.0).any())  # else no reading without errors is below it
-        self._converts = not similarity.identity
-        length, time = similarity
-        self._to_native = np.array([1.0 / length, 1.0 / length, 1.0 / length, time / length, time / length])
-        tracker = sensors.tracker
-        self._tracker_rng = (
-            stream(seed, world, episode, "tracker", index) if tracker and tracker.position_noise_std_m else None
-        )
-        self.drifts = bool(sensors.odometry.travel_noise or sensors.odometry.wheel_scale_std)
-        self._believed = start
-        self._believed_speed = (0.0, 0.0)
+        self.least = np.array([mount.min_range_m for mount in mounts], dtype=np.float64)
+        self.most = np.array([mount.max_range_m for mount in mounts], dtype=np.float64)
+        self._streams = {
+            kind: stream(seed, world, episode, kind, index)
+            for kind, errs in {
+                "range": sensors.noise_std_m,
+                "dropout": sensors.dropout_probability,
+                "odometry": self.drifts,
+                "tracker": tracker and tracker.position_noise_std_m,
+            }.items()
+            if errs
+        }
+        self.wheel_scale = np.ones(2)
         if self.drifts:
-            self._odometry_rng = stream(seed, world, episode, "odometry", index)
-            self._wheel_scale = 1.0 + sensors.odometry.wheel_scale_std * self._odometry_rng.standard_normal(2)
+            self.wheel_scale += odometry.wheel_scale_std * self._streams["odometry"].standard_normal(2)
+        self.believed = np.array([*start, 0.0, 0.0])
+
+        self._is_exact = similarity.identity and not (
+            sensors.noise_std_m or sensors.dropout_probability or self.drifts or (self.least > 0.0).any()
+        )
+
+    def draw(self, periods: int, discs: int) -> Errors:
+        """Draw the errors of the observations of the next control periods, with this many discs around."""
+        sensors, drawn = len(self.most), self._streams
+        return Errors(
+            drawn["range"].standard_normal((periods, sensors)) if "range" in drawn else np.empty((periods, 0)),
+            drawn["dropout"].random((periods, sensors)) if "dropout" in drawn else np.empty((periods, 0)),
+            drawn["tracker"].standard_normal((periods, discs, 2)) if "tracker" in drawn else np.empty((periods, 0, 2)),
+        )
+
+    def draw_travel(self, periods: int) -> FloatArray:
+        """Draw the errors of the wheels' travel in the next control periods: (n_periods, 2) standard deviations."""
+        return self._streams["odometry"].standard_normal((periods, 2)) if self.drifts else np.empty((periods, 0))
 
     def travel(self, left_m: float, right_m: float, dt_s: float) -> None:
         """Count what the wheels covered in a period [m], with the encoders' errors, and move the believed pose."""
-        noise = 1.0 + self._sensors.odometry.travel_noise * self._odometry_rng.standard_normal(2)
-        left, right = (np.array([left_m, right_m]) * self._wheel_scale * noise).tolist()
-        v, w = 0.5 * (left + right) / dt_s, (right - left) / self._track_m / dt_s
-        x, y, heading = advance_arc(*self._believed, v, w, dt_s)
-        self._believed, self._believed_speed = Pose(x, y, wrap_angle(heading)), (v, w)
+        believe(self.believed, self.wheel_scale, left_m, right_m, dt_s, self.draw_travel(1)[0], self.sensing)
 
     def observe(
         self,
@@ -96,71 +153,116 @@ class Perception:
             touching: whether the robot touches something.
             discs: (n, 5) x, y, radius, vx, vy of everything round [m, m/s]; None without a tracker.
         """
-        if self._errs:
-            count, sensors = len(ranges_m), self._sensors
-            errors = _NONE if self._range_rng is None else self._range_rng.standard_normal(count)
-            chances = _NONE if self._dropout_rng is None else self._dropout_rng.random(count)
-            _err(ranges_m, errors, sensors.noise_std_m, chances, sensors.dropout_probability, self._min, self._max)
-        elif self._has_least:
-            np.maximum(ranges_m, self._min, out=ranges_m)
-        pose, (v, w) = (self._believed, self._believed_speed) if self.drifts else (true_pose, true_speed)
-        seen = _NO_DISCS if discs is None else self._track(discs, true_pose, pose)
-        if not self._converts:
-            return Observation(t_s, pose, self._goal, v, w, ranges_m, touching, seen)
-        length, time = self._similarity
+        if self._is_exact and discs is None:
+            return Observation(t_s, true_pose, self.goal, *true_speed, ranges_m, touching, _NO_DISCS)
+        errors = self.draw(1, 0 if discs is None else len(discs))
+        if not self.drifts:
+            self.believed[:] = *true_pose, *true_speed
+        read(ranges_m, errors.ranges[0], errors.dropouts[0], self.least, self.most, self.sensing)
+        discs = _NO_DISCS if discs is None else discs.copy()
+        seen = track(discs, errors.places[0], *true_pose, self.believed, self.sensing)
+        x, y, heading, v, w = self.believed.tolist()
+        length, time = self.length, self.time
         return Observation(
             t_s / time,
-            Pose(pose.x_m / length, pose.y_m / length, pose.heading_rad),
-            (self._goal[0] / length, self._goal[1] / length),
+            Pose(x / length, y / length, heading),
+            self.goal,
             v * time / length,
             w * time,
-            ranges_m / length,
+            ranges_m,
             touching,
-            seen if discs is None else seen * self._to_native,
+            discs[:seen],
         )
-
-    def _track(self, discs: FloatArray, true_pose: Pose, pose: Pose) -> FloatArray:
-        """Return the discs in range, with the tracker's errors, in the frame of the believed pose."""
-        tracker = self._sensors.tracker
-        assert tracker is not None
-        in_range = np.hypot(discs[:, 0] - true_pose.x_m, discs[:, 1] - true_pose.y_m) - discs[:, 2] <= tracker.range_m
-        seen: FloatArray = discs[in_range]
-        if self._tracker_rng is not None:
-            errors = self._tracker_rng.standard_normal((len(discs), 2))[in_range]
-            seen[:, :2] += tracker.position_noise_std_m * errors
-        if self.drifts:
-            turn = pose.heading_rad - true_pose.heading_rad
-            cosine, sine = math.cos(turn), math.sin(turn)
-            turned = np.array([[cosine, sine], [-sine, cosine]])  # rows times this matrix turn left by ``turn``
-            seen[:, :2] = (seen[:, :2] - true_pose[:2]) @ turned + pose[:2]
-            seen[:, 3:] = seen[:, 3:] @ turned
-        return seen
 
 
 @compiled
-def _err(
+def believe(
+    believed: FloatArray,
+    scale: FloatArray,
+    left_m: float,
+    right_m: float,
+    dt_s: float,
+    errors: FloatArray,
+    sensing: NDArray[np.void],
+) -> None:
+    """Move a believed pose and speed, (5,) x, y, heading, v, w, by what the wheels are thought to have covered."""
+    left = left_m * scale[0] * (1.0 + sensing[0].travel_noise * errors[0])
+    right = right_m * scale[1] * (1.0 + sensing[0].travel_noise * errors[1])
+    v, w = 0.5 * (left + right) / dt_s, (right - left) / sensing[0].track_m / dt_s
+    x, y, heading = advance_arc(believed[0], believed[1], believed[2], v, w, dt_s)
+    believed[0], believed[1], believed[2], believed[3], believed[4] = x, y, wrap_angle(heading), v, w
+
+
+@compiled
+def read(
     ranges: FloatArray,
     errors: FloatArray,
-    noise_std: float,
     chances: FloatArray,
-    dropout_probability: float,
     least: FloatArray,
     most: FloatArray,
+    sensing: NDArray[np.void],
 ) -> None:
-    """Add errors to exact readings [m], in place, and keep them within what each sensor can read.
+    """Add errors to exact readings [m], in place, keep them within what each sensor can read, and make them native.
 
     Args:
         ranges: (n,) exact readings.
         errors: (n,) of each reading, in standard deviations, or (0,) for none.
-        noise_std: the standard deviation.
-        chances: (n,) in [0, 1), or (0,) for none; below ``dropout_probability`` a sensor sees nothing.
-        dropout_probability: how often that is.
+        chances: (n,) in [0, 1), or (0,) for none.
         least: (n,) the smallest readings.
         most: (n,) the largest readings, which stand for nothing seen: there is nothing to err about.
+        sensing: (1,) of ``SENSING``.
     """
     for i in range(ranges.shape[0]):
-        if errors.shape[0] and ranges[i] < most[i]:
-            ranges[i] += noise_std * errors[i]
-        if chances.shape[0] and chances[i] < dropout_probability:
-            ranges[i] = most[i]
-        ranges[i] = max(min(ranges[i], most[i]), least[i])
+        reading = ranges[i]
+        if errors.shape[0] and reading < most[i]:
+            reading += sensing[0].noise_std_m * errors[i]
+        if chances.shape[0] and chances[i] < sensing[0].dropout_probability:
+            reading = most[i]
+        ranges[i] = max(min(reading, most[i]), least[i]) / sensing[0].length
+
+
+@compiled
+def track(
+    discs: FloatArray,
+    errors: FloatArray,
+    x: float,
+    y: float,
+    heading: float,
+    believed: FloatArray,
+    sensing: NDArray[np.void],
+) -> int:
+    """Move the discs that a tracker sees to the front, in the frame of the believed pose and native, and count them.
+
+    Args:
+        discs: (n, 5) x, y, radius, vx, vy of everything round [m, m/s]; changed in place.
+        errors: (n, 2) of each place, in standard deviations, or (0, 1) for none.
+        x: the true pose's x [m].
+        y: its y [m].
+        heading: its heading [rad].
+        believed: (5,) the believed pose and speed.
+        sensing: (1,) of ``SENSING``.
+    """
+    turn, count = believed[2] - heading, 0
+    cosine, sine = math.cos(turn), math.sin(turn)
+    for k in range(discs.shape[0]):
+        dx, dy, radius, vx, vy = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2], discs[k, 3], discs[k, 4]
+        if math.hypot(dx, dy) - radius > sensing[0].tracker_range_m:
+            continue
+        px, py = discs[k, 0], discs[k, 1]
+        if errors.shape[0]:
+            px, py = px + sensing[0].tracker_std_m * errors[k, 0], py + sensing[0].tracker_std_m * errors[k, 1]
+        if sensing[0].drifts:
+            dx, dy = px - x, py - y
+            px, py = cosine * dx - sine * dy + believed[0], sine * dx + cosine * dy + believed[1]
+            vx, vy = cosine * vx - sine * vy, sine * vx + cosine * vy
+        discs[count, 0], discs[count, 1], discs[count, 2] = (
+            px / sensing[0].length,
+            py / sensing[0].length,
+            radius / sensing[0].length,
+        )
+        discs[count, 3], discs[count, 4] = (
+            vx * sensing[0].time / sensing[0].length,
+            vy * sensing[0].time / sensing[0].length,
+        )
+        count += 1
+    return count

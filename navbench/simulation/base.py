@@ -61,6 +61,7 @@ class Simulator(ABC):
         Options: the description of the options, in which a subclass may have more.
         packages: the installed packages that decide what it computes.
         has_window: whether it can ``show`` what it does.
+        is_compiled: whether a compiled loop can drive it, by the functions of ``navbench.simulation.planar``.
         scene: what the layout holds, where it is now.
         robots: (n_robots,) of ``ROBOT``, as they are now.
         rays: the ring's rays in the robot's frame.
@@ -73,6 +74,7 @@ class Simulator(ABC):
     Options: ClassVar[type[SimulatorOptions]] = SimulatorOptions
     packages: ClassVar[tuple[str, ...]] = ()
     has_window: ClassVar[bool] = False
+    is_compiled: ClassVar[bool] = False
 
     scene: Scene
     running: int

@@ -24,6 +24,8 @@ RAY = np.dtype(
         ("offset_m", "f8"),  # of it, how much lies before the mount
         ("sensor", "i8"),
         ("is_only_one", "i8"),  # of its sensor
+        ("cosine", "f8"),  # of its direction
+        ("sine", "f8"),
     ]
 )
 HAIR_RADII = 0.01  # an engine may err by less than this about where a thing begins
@@ -44,7 +46,7 @@ class Rays:
     def __init__(self, sensors: Sensors, radius_m: float) -> None:
         rays: list[tuple[float, ...]] = []
         reach, exposed = 0.0, 0.0
-        self.unobstructed = [float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()]
+        self.unobstructed = np.array([float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()])
         for sensor, mount in enumerate(sensors.complete_mounts()):
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
             for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
@@ -56,9 +58,9 @@ class Rays:
                 reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
-                rays.append((*begin, *end, back + limit, back, sensor, count == 1))
+                rays.append((*begin, *end, back + limit, back, sensor, count == 1, cosine, sine))
         self.table = np.array(rays, RAY)
-        self._readings = [(length_m, offset_m, int(sensor)) for *_, length_m, offset_m, sensor, _ in rays]
+        self._readings = [(length_m, offset_m, int(sensor)) for *_, length_m, offset_m, sensor, _, _, _ in rays]
         self._radius_m = radius_m
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
