@@ -36,16 +36,22 @@ ABOVE = ("experiments", "analysis", "report", "cli")  # floors that nothing comp
 FOLDERS_MAX = 40  # states of the sources whose machine code is kept, the last used ones
 
 
-def compiled(function: Function) -> Function:
+def compiled(function: Function, **options: Any) -> Function:
     """Compile a function at its first call with arguments of new types; ``NUMBA_DISABLE_JIT=1`` leaves it Python.
 
     Args:
         function: takes and returns what numba can type; it may call other compiled functions, of any file.
+        options: of ``numba.njit``.
     """
-    dispatcher: Any = numba.njit(function)
+    dispatcher: Any = numba.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher) and os.path.isfile(function.__code__.co_filename):
         dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined,unused-ignore]
     return cast(Function, dispatcher)
+
+
+def compiled_for_vectors(function: Function) -> Function:
+    """Compile a function whose divisions by 0 give infinity or NaN, as numpy's do, so that its loops become vectors."""
+    return compiled(function, error_model="numpy")
 
 
 @cache

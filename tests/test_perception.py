@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scenes import a_ring, a_robot, a_world, always, run_one
 
 from navbench.contract import Observation, Pose
-from navbench.episode.perception import Perception
+from navbench.episode.perception import Perception, Senses
 from navbench.episode.similarity import Similarity
 from navbench.mathematics.kinematics import advance_arc
 from navbench.mathematics.streams import stream
@@ -32,7 +32,7 @@ EVERY_ERROR: dict[str, Any] = {
 def a_perception(
     sensors: Sensors, episode: int = 0, index: int = 0, seed: int = 0, similarity: Similarity = NATIVE
 ) -> Perception:
-    return Perception(sensors, similarity, 1.5, START, GOAL, (seed, "scene", episode, index))
+    return Perception(Senses.of(sensors, similarity, 1.5), START, GOAL, (seed, "scene", episode, index))
 
 
 def observe(

@@ -18,6 +18,8 @@ from navbench.simulation.planar import read_ring
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_types: Any = types  # numba's are untyped
+
 
 @compiled
 def close(
@@ -31,7 +33,7 @@ def close(
     senses: tuple[NDArray[np.void], FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
     errors: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     clock: tuple[int, int, float, float],
-    room: tuple[IntArray, FloatArray, FloatArray],
+    room: tuple[FloatArray, FloatArray, FloatArray],
     kept: tuple[FloatArray, FloatArray, IntArray],
 ) -> int:
     """Run control periods until no robot runs, and return how many were begun.
@@ -48,7 +50,7 @@ def close(
             poses and speeds (n, 5); the encoders' scales (n, 2).
         errors: of ranges (n, periods, ...), dropouts, places and travel, as ``Errors`` and ``draw_travel``.
         clock: the number of the first control period and after the last one; a period's length, the time limit [s].
-        room: for what is near a robot, as ``read_ring``; for a ring's readings; for the discs around a robot.
+        room: for a robot's rays, as ``read_ring``; for a ring's readings; for the discs around a robot.
         kept: states and traces (n, periods, ...), written: those of each period begun while the robot ran; and how
             many these are, (n,). The last state of a robot that was stopped holds its command.
     """
@@ -56,7 +58,7 @@ def close(
     rays, reach_m, unobstructed = ring
     sensing, least, most, goals, believed, scales = senses
     range_errors, dropouts, places, travels = errors
-    near, ranges, around = room
+    beams, ranges, around = room
     kept_states, kept_traces, kept_counts = kept
     count, radius_m, track_m = robots.shape[0], fixed[0].radius_m, fixed[0].track_m
     length, time = sensing[0].length, sensing[0].time
@@ -76,7 +78,7 @@ def close(
             if not robot.running:
                 continue
             ranges[:] = unobstructed
-            read_ring(robots, i, scenery, rays, reach_m, radius_m, near, ranges)
+            read_ring(robots, i, scenery, rays, reach_m, radius_m, beams, ranges)
             read(ranges, range_errors[i, row], dropouts[i, row], least, most, sensing)
             if not sensing[0].drifts:
                 believed[i, 0], believed[i, 1], believed[i, 2] = robot.x_m, robot.y_m, robot.heading_rad
@@ -130,13 +132,27 @@ def _gather(robots: NDArray[np.void], index: int, scenery: Scenery, radius_m: fl
     return count + robots.shape[0] - 1
 
 
-def run_closed(step: Any, *arguments: Any) -> int:
-    """Call ``close`` with any policy's step, without compiling it anew for each."""
-    loop: Any = close
-    if isinstance(step, Dispatcher):
-        step.compile(SIGNATURE.args)
-        if not loop.signatures:
-            loop.compile((types.FunctionType(SIGNATURE), *map(numba.typeof, arguments)))
+class _Loop:
+    """``close`` around any policy's step; the machine code is one for all steps."""
+
+    def __init__(self) -> None:
+        self._close: Any = None
+        self._steps: set[Any] = set()
+
+    def __call__(self, step: Any, *arguments: Any) -> int:
+        """Return what ``close`` returns."""
+        if not isinstance(step, Dispatcher):
+            return close(step, *arguments)
+        if step not in self._steps:
+            step.compile(SIGNATURE.args)
+            self._steps.add(step)
+        if self._close is None:
+            loop: Any = close
+            loop.compile((_types.FunctionType(SIGNATURE), *map(numba.typeof, arguments)))
             loop.disable_compile()
-    periods: int = loop(step, *arguments)
-    return periods
+            (overload,) = loop.overloads.values()
+            self._close = overload.entry_point  # the types of arguments are always those, and not looked up again
+        return int(self._close(step, *arguments))
+
+
+run_closed = _Loop()

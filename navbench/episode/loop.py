@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
 from navbench.episode.closed_loop import run_closed
 from navbench.episode.failures import ContractError, Failure, failure, velocities, wrong_trace
-from navbench.episode.perception import Perception
+from navbench.episode.perception import Perception, Senses
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
 from navbench.mathematics.streams import stream
@@ -32,7 +32,8 @@ from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
 
-PERIODS_AT_ONCE = 512  # of a compiled loop: a second's work of nobody, and a few hundred kilobytes
+PERIODS_AT_ONCE = 512  # of a compiled loop whose errors are drawn beforehand
+PERIODS_MAX = 16384  # of any
 
 
 @dataclass(slots=True)
@@ -41,7 +42,8 @@ class _Pilot:
 
     controller: Controller
     perception: Perception
-    states: list[Sequence[float]] = field(default_factory=list)
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    states: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     traces: list[bytes] = field(default_factory=list)
     trace_names: tuple[str, ...] | None = None
     latencies_s: list[float] = field(default_factory=list)
@@ -117,6 +119,7 @@ class EpisodeRunner:
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
         self._period_s = period_s(native, self._similarity)
+        self._senses = Senses.of(self._sensors, self._similarity, robot.track_m)
         self._periods = math.ceil(world.time_limit_s / self._period_s - 1e-9)
         self._setup = native_setup(robot, self._sensors, native)
         accel_max = accel_max_mps2(robot, native, self._similarity)
@@ -172,6 +175,8 @@ class EpisodeRunner:
                 break
             t_s = k * self._period_s
             states = self._period(pilots, states, t_s, min(self._period_s, time_limit_s - t_s))
+        for pilot in pilots:
+            pilot.states = np.array(pilot.rows).reshape(-1, 6)
 
     def _close(self, pilots: list[_Pilot]) -> None:
         """Run control periods in compiled code, many at a time."""
@@ -184,15 +189,16 @@ class EpisodeRunner:
             np.stack([getattr(policy, name) for policy in policies]) for name in ("state", "parameters", "trace")
         )
         senses = (
-            sights[0].sensing, sights[0].least, sights[0].most, np.array([sight.goal for sight in sights]),
+            self._senses.constants, self._senses.least, self._senses.most, np.array([sight.goal for sight in sights]),
             *(np.stack([getattr(sight, name) for sight in sights]) for name in ("believed", "wheel_scale")),
         )  # fmt: skip
         scene, rays = simulator.scene, simulator.rays
         discs = len(scene.discs) + len(scene.polygons) + len(pilots) - 1
-        room = simulator.near, np.empty(len(rays.unobstructed)), np.empty((discs, 5))
+        room = simulator.beams, np.empty(len(rays.unobstructed)), np.empty((discs, 5))
         limit_s, first = self._template.time_limit_s, 0
+        blocks: list[list[FloatArray]] = [[] for _ in pilots]
         while simulator.running and first < self._periods:
-            count = min(PERIODS_AT_ONCE, self._periods - first)
+            count = min(PERIODS_AT_ONCE if self._senses.errs else PERIODS_MAX, self._periods - first)
             drawn = [(*sight.draw(count, discs), sight.draw_travel(count)) for sight in sights]
             kept = (
                 np.empty((len(pilots), count, 6)), np.empty((len(pilots), count, stacked[2].shape[1])),
@@ -206,11 +212,12 @@ class EpisodeRunner:
             )  # fmt: skip
             simulator.running = int(simulator.robots["running"].sum())
             for i, (pilot, policy) in enumerate(zip(pilots, policies, strict=True)):
-                pilot.states.extend(kept[0][i, : kept[2][i]])
+                blocks[i].append(kept[0][i, : kept[2][i]])
                 pilot.traces.append(kept[1][i, : kept[2][i]].tobytes())
                 pilot.trace_names = policy.trace_names
             first += count
-        for i, pilot in enumerate(pilots):
+        for i, (pilot, pieces) in enumerate(zip(pilots, blocks, strict=True)):
+            pilot.states = np.concatenate([pilot.states, *pieces])
             self._end(i, pilot)
 
     def _end(self, index: int, pilot: _Pilot) -> None:
@@ -223,7 +230,7 @@ class EpisodeRunner:
             _, pilot.outcome, pilot.hit, pilot.end_s = self.simulator.end(index)
         else:
             pilot.end_s, command = float(state["end_s"]), Command(*map(float, pilot.states[-1][4:]))
-            pilot.states[-1] = (*pilot.states[-1][:4], 0.0, 0.0)
+            pilot.states[-1][4:] = 0.0
             try:
                 v, w = velocities(command)
                 self.simulator.command(index, *self._similarity.to_world(Command(v, w)))
@@ -239,7 +246,7 @@ class EpisodeRunner:
         world = self._world
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
-        perception = Perception(self._sensors, self._similarity, self._robot.track_m, start, goal, name)
+        perception = Perception(self._senses, start, goal, name)
         rng = stream(self.seed, world.name, episode, "controller", index)
         try:
             controller = self.make_controller()
@@ -262,7 +269,7 @@ class EpisodeRunner:
             pilot, robot = pilots[i], before[i]
             x, y, heading = robot.x_m, robot.y_m, robot.heading_rad
             if pilot.outcome == "controller_error":
-                pilot.states.append((t_s, x, y, heading, 0.0, 0.0))
+                pilot.rows.append((t_s, x, y, heading, 0.0, 0.0))
                 pilot.end_s = t_s
                 continue
             pilot.end_s = t_s + dt_s
@@ -272,7 +279,7 @@ class EpisodeRunner:
                 duration = max(pilot.end_s - t_s, 1e-12)
             left, right = after[i].left_travel_m, after[i].right_travel_m
             v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
-            pilot.states.append((t_s, x, y, heading, v, w))
+            pilot.rows.append((t_s, x, y, heading, v, w))
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
         return after
@@ -300,15 +307,16 @@ class EpisodeRunner:
             simulator.stop(index)
 
     def _record(self, index: int, pilot: _Pilot, robot: RobotState) -> RobotRecord:
-        *_, v, w = pilot.states[-1] if pilot.states else (0.0, 0.0)
-        states = np.array([*pilot.states, (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, v, w)])
+        *_, v, w = pilot.states[-1] if len(pilot.states) else (0.0, 0.0)
+        end = (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, v, w)
+        states = np.concatenate([pilot.states, [end]])
         names = pilot.trace_names or ()
         traces = np.full((len(states), len(names)), np.nan)
         if names:
             acted = np.frombuffer(b"".join(pilot.traces)).reshape(-1, len(names))
             traces[: len(acted)] = acted
         if pilot.outcome == "controller_error":
-            states = states[:-1] if pilot.states else states
+            states = states[:-1] if len(pilot.states) else states
             traces = traces[: len(states)]
         contacts = self.simulator.contacts[index]
         run = RobotRun(

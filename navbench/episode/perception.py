@@ -50,76 +50,83 @@ class Errors(NamedTuple):
     places: FloatArray
 
 
+class Senses(NamedTuple):
+    """A sensor suite on a robot under a controller, as arrays.
+
+    Attributes:
+        sensors: the suite, already scaled to the robot.
+        constants: (1,) of ``SENSING``.
+        least: (n_sensors,) the smallest readings [m].
+        most: (n_sensors,) the largest readings [m].
+        is_exact: whether without a tracker an observation is the truth in the world's units.
+        errs: whether anything of it is drawn at random each period.
+    """
+
+    sensors: Sensors
+    constants: NDArray[np.void]
+    least: FloatArray
+    most: FloatArray
+    is_exact: bool
+    errs: bool
+
+    @classmethod
+    def of(cls, sensors: Sensors, similarity: Similarity, track_m: float) -> "Senses":
+        """Return a suite for the controller's units and the robot's track [m]."""
+        tracker, odometry = sensors.tracker, sensors.odometry
+        drifts = bool(odometry.travel_noise or odometry.wheel_scale_std)
+        tracker_std_m = tracker.position_noise_std_m if tracker else 0.0
+        constants = np.zeros(1, SENSING)
+        constants[0] = (
+            *similarity, sensors.noise_std_m, sensors.dropout_probability, tracker is not None,
+            tracker.range_m if tracker else 0.0, tracker_std_m, drifts, odometry.travel_noise, track_m,
+        )  # fmt: skip
+        mounts = sensors.complete_mounts()
+        least = np.array([mount.min_range_m for mount in mounts], dtype=np.float64)
+        most = np.array([mount.max_range_m for mount in mounts], dtype=np.float64)
+        errs = bool(sensors.noise_std_m or sensors.dropout_probability or drifts or tracker_std_m)
+        return cls(sensors, constants, least, most, similarity.identity and not (errs or (least > 0.0).any()), errs)
+
+
 class Perception:
     """One robot's sensors through one episode; it keeps the pose that odometry believes.
 
     Every kind of error has a stream of its own, so that switching one on leaves the others' draws as they were.
 
     Args:
-        sensors: the suite, already scaled to the robot.
-        similarity: from the controller's units to the world's.
-        track_m: the robot's track [m].
+        senses: what its sensors are.
         start: the true pose at the beginning, which odometry knows.
         goal: the goal's position [m].
         name: seed, world, episode and robot index of the streams.
 
     Attributes:
         drifts: whether the believed pose may differ from the true one, so that ``travel`` must be called.
-        sensing: (1,) of ``SENSING``.
-        length: world length of one native length.
-        time: world time of one native time.
         goal: the goal's position, native.
-        least: (n_sensors,) the smallest readings [m].
-        most: (n_sensors,) the largest readings [m].
         wheel_scale: (2,) by what the encoders multiply the wheels' travel.
         believed: (5,) the believed x, y [m], heading [rad], v [m/s] and w [rad/s]; the true ones without drift.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        similarity: Similarity,
-        track_m: float,
-        start: Pose,
-        goal: tuple[float, float],
-        name: tuple[int, str, int, int],
-    ) -> None:
+    def __init__(self, senses: Senses, start: Pose, goal: tuple[float, float], name: tuple[int, str, int, int]) -> None:
         seed, world, episode, index = name
-        tracker, odometry = sensors.tracker, sensors.odometry
-        self.drifts = bool(odometry.travel_noise or odometry.wheel_scale_std)
-        self.sensing = np.zeros(1, SENSING)
-        self.sensing[0] = (
-            *similarity, sensors.noise_std_m, sensors.dropout_probability, tracker is not None,
-            tracker.range_m if tracker else 0.0, tracker.position_noise_std_m if tracker else 0.0,
-            self.drifts, odometry.travel_noise, track_m,
-        )  # fmt: skip
-        self.length, self.time = similarity
-        self.goal = (goal[0] / similarity.length, goal[1] / similarity.length)
-        mounts = sensors.complete_mounts()
-        self.least = np.array([mount.min_range_m for mount in mounts], dtype=np.float64)
-        self.most = np.array([mount.max_range_m for mount in mounts], dtype=np.float64)
-        self._streams = {
-            kind: stream(seed, world, episode, kind, index)
-            for kind, errs in {
-                "range": sensors.noise_std_m,
-                "dropout": sensors.dropout_probability,
-                "odometry": self.drifts,
-                "tracker": tracker and tracker.position_noise_std_m,
-            }.items()
-            if errs
+        sensors, constants = senses.sensors, senses.constants[0]
+        self._senses = senses
+        self.drifts = bool(constants["drifts"])
+        self._length, self._time = float(constants["length"]), float(constants["time"])
+        self.goal = (goal[0] / self._length, goal[1] / self._length)
+        kinds = {
+            "range": sensors.noise_std_m,
+            "dropout": sensors.dropout_probability,
+            "odometry": self.drifts,
+            "tracker": constants["tracker_std_m"],
         }
+        self._streams = {kind: stream(seed, world, episode, kind, index) for kind, errs in kinds.items() if errs}
         self.wheel_scale = np.ones(2)
         if self.drifts:
-            self.wheel_scale += odometry.wheel_scale_std * self._streams["odometry"].standard_normal(2)
+            self.wheel_scale += sensors.odometry.wheel_scale_std * self._streams["odometry"].standard_normal(2)
         self.believed = np.array([*start, 0.0, 0.0])
-
-        self._is_exact = similarity.identity and not (
-            sensors.noise_std_m or sensors.dropout_probability or self.drifts or (self.least > 0.0).any()
-        )
 
     def draw(self, periods: int, discs: int) -> Errors:
         """Draw the errors of the observations of the next control periods, with this many discs around."""
-        sensors, drawn = len(self.most), self._streams
+        sensors, drawn = len(self._senses.most), self._streams
         return Errors(
             drawn["range"].standard_normal((periods, sensors)) if "range" in drawn else np.empty((periods, 0)),
             drawn["dropout"].random((periods, sensors)) if "dropout" in drawn else np.empty((periods, 0)),
@@ -132,7 +139,7 @@ class Perception:
 
     def travel(self, left_m: float, right_m: float, dt_s: float) -> None:
         """Count what the wheels covered in a period [m], with the encoders' errors, and move the believed pose."""
-        believe(self.believed, self.wheel_scale, left_m, right_m, dt_s, self.draw_travel(1)[0], self.sensing)
+        believe(self.believed, self.wheel_scale, left_m, right_m, dt_s, self.draw_travel(1)[0], self._senses.constants)
 
     def observe(
         self,
@@ -153,16 +160,17 @@ class Perception:
             touching: whether the robot touches something.
             discs: (n, 5) x, y, radius, vx, vy of everything round [m, m/s]; None without a tracker.
         """
-        if self._is_exact and discs is None:
+        senses = self._senses
+        if senses.is_exact and discs is None:
             return Observation(t_s, true_pose, self.goal, *true_speed, ranges_m, touching, _NO_DISCS)
         errors = self.draw(1, 0 if discs is None else len(discs))
         if not self.drifts:
             self.believed[:] = *true_pose, *true_speed
-        read(ranges_m, errors.ranges[0], errors.dropouts[0], self.least, self.most, self.sensing)
+        read(ranges_m, errors.ranges[0], errors.dropouts[0], senses.least, senses.most, senses.constants)
         discs = _NO_DISCS if discs is None else discs.copy()
-        seen = track(discs, errors.places[0], *true_pose, self.believed, self.sensing)
+        seen = track(discs, errors.places[0], *true_pose, self.believed, senses.constants)
         x, y, heading, v, w = self.believed.tolist()
-        length, time = self.length, self.time
+        length, time = self._length, self._time
         return Observation(
             t_s / time,
             Pose(x / length, y / length, heading),

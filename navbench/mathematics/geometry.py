@@ -89,7 +89,8 @@ def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatA
     for i in range(boxes.shape[0]):
         nearest = min(nearest, box_gap(x_m, y_m, boxes, i)[0])
     for i in range(discs.shape[0]):
-        nearest = min(nearest, math.hypot(x_m - discs[i, 0], y_m - discs[i, 1]) - discs[i, 2])
+        dx, dy = x_m - discs[i, 0], y_m - discs[i, 1]
+        nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - discs[i, 2])
     for i in range(polygons.shape[0]):
         nearest = min(nearest, polygon_gap(x_m, y_m, polygons, i)[0])
     return nearest
