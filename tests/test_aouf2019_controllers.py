@@ -560,6 +560,11 @@ def test_the_trace_has_the_same_finite_numbers_at_every_step(name: str) -> None:
     assert all(type(value) is float and math.isfinite(value) for trace in traces for value in trace.values())
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_a_pose_that_is_no_number_is_answered_by_none(name: str) -> None:
+    assert math.isnan(make(name).act(bearing(math.nan)).w_radps)
+
+
 @pytest.mark.parametrize("name", ["sflc", "pid"])
 def test_another_ring_of_sensors_is_refused(name: str) -> None:
     controller = make(name)
