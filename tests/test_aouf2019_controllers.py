@@ -2,6 +2,7 @@ import copy
 import functools
 import math
 import pickle
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,6 +20,7 @@ from navbench.controllers.aouf2019.mixed import Mixed
 from navbench.controllers.aouf2019.pid import Pid
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.controllers.classical.go_to_goal import GoToGoal
+from navbench.validation import DescriptionError
 
 KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal, "mixed": Mixed}
 PERIOD_S = 0.05
@@ -634,6 +636,28 @@ def test_a_wrong_behaviour_parameter_is_named(name: str, parameter: str, value: 
 def test_a_wrong_parameter_is_named(name: str, parameter: str, value: Any) -> None:
     with pytest.raises(ValueError, match=parameter):
         make(name, **{parameter: value})
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("controller=pid controller.build.kp=-1", "kp=-1: must be greater than or equal to 0"),
+        ("controller=pid +controller.build.kq=1", "kq: unknown key; allowed here: _target_, behaviors, kp, ki, kd, "),
+        ("controller=pid ~controller.build.kp", "kp: missing; a value is needed"),
+        (
+            "controller=sflc +controller.build.behaviors.unsaf_m=1",
+            "behaviors.unsaf_m: unknown key; did you mean unsafe_m",
+        ),
+        ("controller=sflc controller.build.behaviors=3", "behaviors=3: must be a mapping"),
+        ("controller=sflc controller.build.speed_peaks_mps=3", "speed_peaks_mps=3: must be a mapping"),
+        ("controller=sflc controller.build.speed_peaks_mps.S=-0.2", "speed_peaks_mps: must not be negative"),
+        ("controller=mixed controller.build.fuzzy_turn_in=[fly]", "fuzzy_turn_in=['fly']: must be a list of any of "),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said_in_one_line(words: str, message: str) -> None:
+    with pytest.raises(DescriptionError, match=re.escape(f"controller.build.{message}")) as raised:
+        compose_cell(*words.split(" "))
+    assert "\n" not in str(raised.value)
 
 
 LAWS_OF_BOTH = ["go_to_goal", "follow_wall"]
