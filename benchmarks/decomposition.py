@@ -58,17 +58,17 @@ def calls_per_second(call: Call, points: list[dict[str, float]]) -> float:
 
 
 @numba.njit
-def answer_all(tables: Any, points: Any, out: Any) -> None:
+def answer_all(base: Any, points: Any, out: Any) -> None:
     """Ask a rule base for every point, without Python between."""
     for i in range(points.shape[0]):
-        infer(tables, points[i], out)
+        infer(base, points[i], out)
 
 
 def bulk_us(inference: FuzzyInference) -> float:
     """Return the time of one point among many in one compiled loop [us]."""
     points = np.array([list(point.values()) for point in drawn(inference.inputs)])
-    tables, out = tuple(inference.tables), np.empty(len(inference.outputs))
-    return 1e6 / calls_per_second(lambda _: answer_all(tables, points, out), [{}]) / len(points)
+    out = np.empty(len(inference.outputs))
+    return 1e6 / calls_per_second(lambda _: answer_all(inference.base, points, out), [{}]) / len(points)
 
 
 def compare(name: str, parts: Mapping[str, tuple[Call, Sequence[FuzzyInference]]], whole: FuzzyInference) -> None:

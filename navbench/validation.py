@@ -74,8 +74,8 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
             said = str(first["ctx"]["error"])
             inside = re.match(r"[a-z_]+(\[\d+\])?(\.\w+)*: ", said)
             raise DescriptionError(f"{path}.{said}" if inside else f"{path}: {said}") from None
-        allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
-        allowed = re.sub(r"a dictionary or an instance of \w+", "a mapping", allowed).replace("a valid ", "a ")
+        allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be").replace("a valid ", "a ")
+        allowed = re.sub(r"a dictionary( or an instance of \w+)?", "a mapping", allowed)
         raise DescriptionError(f"{path}={reprlib.repr(first['input'])}: {allowed}") from None
 
 

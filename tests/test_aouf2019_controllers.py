@@ -2,6 +2,7 @@ import copy
 import functools
 import math
 import pickle
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,12 +14,13 @@ from navbench.cli.catalogue import CONF
 from navbench.cli.configuration import compose_cell
 from navbench.contract import Body, Command, Controller, Observation, Pose, RangeSensor, Setup
 from navbench.controllers.aouf2019 import equations as aouf2019
-from navbench.controllers.aouf2019.behaviors import Behaviors
-from navbench.controllers.aouf2019.equations import FOLLOW_WALL, GO_TO_GOAL, LEFT, NO_SIDE, RIGHT, SENSOR_ROLES
+from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL, GO_TO_GOAL, NO_SIDE, TRACE
+from navbench.controllers.aouf2019.equations import LEFT, RIGHT, SENSOR_ROLES
 from navbench.controllers.aouf2019.mixed import Mixed
 from navbench.controllers.aouf2019.pid import Pid
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.controllers.classical.go_to_goal import GoToGoal
+from navbench.validation import DescriptionError
 
 KINDS: dict[str, Any] = {"sflc": Sflc, "pid": Pid, "go_to_goal": GoToGoal, "mixed": Mixed}
 PERIOD_S = 0.05
@@ -70,10 +72,9 @@ def make(name: str, behaviors: dict[str, Any] | None = None, **changes: Any) -> 
     return controller
 
 
-def arbitration(**changes: Any) -> Behaviors:
-    behaviors = Behaviors(build("sflc")["behaviors"] | changes)
-    behaviors.reset(SETUP)
-    return behaviors
+def heading_error(controller: Any, observation: Observation) -> float:
+    controller.act(observation)
+    return float(controller.trace["heading_error_rad"])
 
 
 def see(
@@ -224,145 +225,145 @@ def test_sliding_means_between_the_goal_and_the_free_room() -> None:
 
 
 def test_it_heads_straight_for_a_goal_ahead_when_nothing_is_in_sight() -> None:
-    behaviors = arbitration()
-    assert behaviors.heading_error(see()) == pytest.approx(0.0, abs=1e-12)
-    assert behaviors.active == GO_TO_GOAL
+    controller = make("sflc")
+    assert heading_error(controller, see()) == pytest.approx(0.0, abs=1e-12)
+    assert controller.trace["behavior"] == GO_TO_GOAL
 
 
 def test_it_turns_away_from_what_is_near_on_one_side() -> None:
-    assert arbitration().heading_error(see(ranges={"front_left_outer": 0.05, "left": 0.05})) < -0.1
+    assert heading_error(make("sflc"), see(ranges={"front_left_outer": 0.05, "left": 0.05})) < -0.1
 
 
 def test_a_reading_below_unsafe_begins_wall_following_at_once() -> None:
-    behaviors = arbitration()
-    behaviors.heading_error(see(ranges={"front_left_outer": 0.041}))
-    assert behaviors.active == GO_TO_GOAL
-    behaviors.heading_error(see(ranges={"front_left_outer": 0.039}))
-    assert (behaviors.active, behaviors.trace["unsafe"]) == (FOLLOW_WALL, 1.0)
+    controller = make("sflc")
+    heading_error(controller, see(ranges={"front_left_outer": 0.041}))
+    assert controller.trace["behavior"] == GO_TO_GOAL
+    heading_error(controller, see(ranges={"front_left_outer": 0.039}))
+    assert (controller.trace["behavior"], controller.trace["unsafe"]) == (FOLLOW_WALL, 1.0)
 
 
 @pytest.mark.parametrize("role", ["rear_left", "rear", "rear_right"])
 def test_the_rear_sensors_begin_nothing(role: str) -> None:
-    behaviors = arbitration()
+    controller = make("sflc")
     for _ in range(3 * WINDOW):
-        behaviors.heading_error(see(ranges={role: 0.02}))
-    assert behaviors.active == GO_TO_GOAL
+        heading_error(controller, see(ranges={role: 0.02}))
+    assert controller.trace["behavior"] == GO_TO_GOAL
 
 
 def test_no_progress_before_an_obstacle_begins_wall_following_after_one_whole_window() -> None:
-    behaviors = arbitration()
+    controller = make("sflc")
     for _ in range(WINDOW):
-        behaviors.heading_error(see(ranges={"left": 0.12}))
-        assert behaviors.active == GO_TO_GOAL
-    behaviors.heading_error(see(ranges={"left": 0.12}))
-    assert behaviors.active == FOLLOW_WALL
-    assert behaviors.trace["stalled"] == 1.0
+        heading_error(controller, see(ranges={"left": 0.12}))
+        assert controller.trace["behavior"] == GO_TO_GOAL
+    heading_error(controller, see(ranges={"left": 0.12}))
+    assert controller.trace["behavior"] == FOLLOW_WALL
+    assert controller.trace["stalled"] == 1.0
 
 
 def test_no_progress_away_from_obstacles_is_no_dead_end() -> None:
-    behaviors = arbitration()
+    controller = make("sflc")
     for _ in range(3 * WINDOW):
-        behaviors.heading_error(see(ranges={"left": 0.131}))
-    assert (behaviors.active, behaviors.trace["stalled"]) == (GO_TO_GOAL, 1.0)
+        heading_error(controller, see(ranges={"left": 0.131}))
+    assert (controller.trace["behavior"], controller.trace["stalled"]) == (GO_TO_GOAL, 1.0)
 
 
 @pytest.mark.parametrize(("over_the_window_m", "expected"), [(0.051, GO_TO_GOAL), (0.049, FOLLOW_WALL)])
 def test_progress_is_judged_over_the_window(over_the_window_m: float, expected: float) -> None:
-    behaviors = arbitration()
+    controller = make("sflc")
     for k in range(3 * WINDOW):
-        behaviors.heading_error(see((k * over_the_window_m / WINDOW, 0.0, 0.0), (5.0, 0.0), {"left": 0.12}))
-    assert behaviors.active == expected
+        heading_error(controller, see((k * over_the_window_m / WINDOW, 0.0, 0.0), (5.0, 0.0), {"left": 0.12}))
+    assert controller.trace["behavior"] == expected
 
 
 def test_only_what_is_nearer_than_ever_is_progress() -> None:
-    behaviors = arbitration()
-    behaviors.heading_error(see((1.0, 0.0, 0.0), (5.0, 0.0)))
+    controller = make("sflc")
+    heading_error(controller, see((1.0, 0.0, 0.0), (5.0, 0.0)))
     for k in range(2 * WINDOW):
-        behaviors.heading_error(see((0.01 * k, 0.0, 0.0), (5.0, 0.0)))  # set back, and nearing the goal again
-    behaviors.heading_error(see((0.01 * 2 * WINDOW, 0.0, 0.0), (5.0, 0.0), {"left": 0.12}))
-    assert behaviors.active == FOLLOW_WALL
+        heading_error(controller, see((0.01 * k, 0.0, 0.0), (5.0, 0.0)))  # set back, and nearing the goal again
+    heading_error(controller, see((0.01 * 2 * WINDOW, 0.0, 0.0), (5.0, 0.0), {"left": 0.12}))
+    assert controller.trace["behavior"] == FOLLOW_WALL
 
 
 @pytest.mark.parametrize(("near", "side"), [("front_left_inner", LEFT), ("front_right_outer", RIGHT)])
 def test_it_keeps_the_wall_on_the_side_of_the_nearest_sensor(near: str, side: float) -> None:
-    behaviors = arbitration()
+    controller = make("sflc")
     # the goal lies on the wall's side, where a tie would send the robot the other way
-    behaviors.heading_error(
-        see(goal=(0.0, side), ranges={near: 0.03, SENSOR_ROLES[MIRRORED[SENSOR_ROLES.index(near)]]: 0.036})
+    heading_error(
+        controller, see(goal=(0.0, side), ranges={near: 0.03, SENSOR_ROLES[MIRRORED[SENSOR_ROLES.index(near)]]: 0.036})
     )
-    assert behaviors.trace["side"] == side
+    assert controller.trace["side"] == side
 
 
 @pytest.mark.parametrize(("goal_y", "side"), [(0.5, RIGHT), (-0.5, LEFT), (0.0, LEFT)])
 def test_between_equally_near_sides_it_goes_round_by_the_goals_side(goal_y: float, side: float) -> None:
-    behaviors = arbitration()
+    controller = make("sflc")
     ahead = {"front_left_inner": 0.03, "front_right_inner": 0.03, "front_left_outer": 0.06, "front_right_outer": 0.06}
-    behaviors.heading_error(see(goal=(0.5, goal_y), ranges=ahead))
-    assert behaviors.trace["side"] == side
+    heading_error(controller, see(goal=(0.5, goal_y), ranges=ahead))
+    assert controller.trace["side"] == side
 
 
 WALL_ON_THE_LEFT = {"rear_left": 0.07, "left": 0.06}
 
 
-def following(goal: tuple[float, float]) -> Behaviors:
+def following(goal: tuple[float, float]) -> Any:
     """Return behaviours that follow a wall on the left, entered at the origin."""
-    behaviors = arbitration()
-    behaviors.heading_error(see(goal=goal, ranges=WALL_ON_THE_LEFT | {"front_left_outer": 0.03}))
-    assert (behaviors.active, behaviors.trace["side"]) == (FOLLOW_WALL, LEFT)
-    return behaviors
+    controller = make("sflc")
+    heading_error(controller, see(goal=goal, ranges=WALL_ON_THE_LEFT | {"front_left_outer": 0.03}))
+    assert (controller.trace["behavior"], controller.trace["side"]) == (FOLLOW_WALL, LEFT)
+    return controller
 
 
 @pytest.mark.parametrize(("x", "expected"), [(0.099, FOLLOW_WALL), (0.101, GO_TO_GOAL)])
 def test_wall_following_ends_nearer_to_the_goal_than_ever(x: float, expected: float) -> None:
-    behaviors = following((2.0, 0.0))
-    behaviors.heading_error(see((-0.5, 0.0, 0.0), (2.0, 0.0), WALL_ON_THE_LEFT))  # further away in between
-    assert behaviors.trace["progress_distance_m"] == pytest.approx(2.0)
-    behaviors.heading_error(see((x, 0.0, 0.6), (2.0, 0.0), WALL_ON_THE_LEFT))
-    assert behaviors.trace["sliding"] == 0.0
-    assert behaviors.active == expected
-    assert behaviors.trace["side"] == (LEFT if expected == FOLLOW_WALL else NO_SIDE)
+    controller = following((2.0, 0.0))
+    heading_error(controller, see((-0.5, 0.0, 0.0), (2.0, 0.0), WALL_ON_THE_LEFT))  # further away in between
+    assert controller.trace["progress_distance_m"] == pytest.approx(2.0)
+    heading_error(controller, see((x, 0.0, 0.6), (2.0, 0.0), WALL_ON_THE_LEFT))
+    assert controller.trace["sliding"] == 0.0
+    assert controller.trace["behavior"] == expected
+    assert controller.trace["side"] == (LEFT if expected == FOLLOW_WALL else NO_SIDE)
 
 
 def test_wall_following_goes_on_while_the_robot_slides() -> None:
-    behaviors = following((2.0, 1.0))
-    behaviors.heading_error(see((0.5, 0.0, 0.0), (2.0, 1.0), WALL_ON_THE_LEFT))
-    assert (behaviors.trace["progress_made"], behaviors.trace["sliding"]) == (1.0, 1.0)
-    assert behaviors.active == FOLLOW_WALL
+    controller = following((2.0, 1.0))
+    heading_error(controller, see((0.5, 0.0, 0.0), (2.0, 1.0), WALL_ON_THE_LEFT))
+    assert (controller.trace["progress_made"], controller.trace["sliding"]) == (1.0, 1.0)
+    assert controller.trace["behavior"] == FOLLOW_WALL
 
 
 def test_the_trace_has_the_names_of_the_memory_in_its_order() -> None:
-    behaviors = following((2.0, 0.0))
-    assert tuple(behaviors.trace) == aouf2019.TRACE
-    assert behaviors.trace["behavior"] == behaviors.active == FOLLOW_WALL
+    controller = following((2.0, 0.0))
+    assert tuple(controller.trace) == TRACE
+    assert controller.trace["behavior"] == FOLLOW_WALL
 
 
 def test_the_step_that_ends_wall_following_already_blends() -> None:
-    behaviors, fresh = following((2.0, 0.0)), arbitration()
+    controller, fresh = following((2.0, 0.0)), make("sflc")
     release = see((0.2, 0.0, 0.6), (2.0, 0.0), WALL_ON_THE_LEFT)
-    assert behaviors.heading_error(release) == fresh.heading_error(release)
-    assert behaviors.active == GO_TO_GOAL
+    assert heading_error(controller, release) == heading_error(fresh, release)
+    assert controller.trace["behavior"] == GO_TO_GOAL
 
 
 def test_after_wall_following_a_dead_end_takes_a_whole_window_again() -> None:
-    behaviors = following((2.0, 0.0))
+    controller = following((2.0, 0.0))
     stuck = see((0.2, 0.0, 0.6), (2.0, 0.0), WALL_ON_THE_LEFT)
     for _ in range(1 + WINDOW):
-        behaviors.heading_error(stuck)
-        assert behaviors.active == GO_TO_GOAL
-    behaviors.heading_error(stuck)
-    assert behaviors.active == FOLLOW_WALL
+        heading_error(controller, stuck)
+        assert controller.trace["behavior"] == GO_TO_GOAL
+    heading_error(controller, stuck)
+    assert controller.trace["behavior"] == FOLLOW_WALL
 
 
 def test_following_a_wall_at_its_distance_heads_along_it() -> None:
-    behaviors = arbitration(unsafe_m=0.06)
+    controller = make("sflc", {"unsafe_m": 0.06})
     # a wall at y = 0.15: what the two rear sensors of the left side read
     wall = {
         "rear_left": (0.15 - 0.048) / math.sin(math.radians(128)),
         "left": (0.15 - 0.064) / math.sin(math.radians(75)),
     }
-    behaviors.heading_error(see(ranges=wall | {"front_left_inner": 0.05}))
-    assert behaviors.active == FOLLOW_WALL
-    assert behaviors.heading_error(see(ranges=wall, goal=(0.0, 5.0))) == pytest.approx(0.0, abs=1e-9)
+    heading_error(controller, see(ranges=wall | {"front_left_inner": 0.05}))
+    assert controller.trace["behavior"] == FOLLOW_WALL
+    assert heading_error(controller, see(ranges=wall, goal=(0.0, 5.0))) == pytest.approx(0.0, abs=1e-9)
 
 
 # ---- the fuzzy law ----
@@ -561,6 +562,11 @@ def test_the_trace_has_the_same_finite_numbers_at_every_step(name: str) -> None:
     assert all(type(value) is float and math.isfinite(value) for trace in traces for value in trace.values())
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_a_pose_that_is_no_number_is_answered_by_none(name: str) -> None:
+    assert math.isnan(make(name).act(bearing(math.nan)).w_radps)
+
+
 @pytest.mark.parametrize("name", ["sflc", "pid"])
 def test_another_ring_of_sensors_is_refused(name: str) -> None:
     controller = make(name)
@@ -576,10 +582,10 @@ def test_the_sensors_file_has_the_roles_that_the_controllers_need() -> None:
 
 def test_mounts_are_read_from_the_setup() -> None:
     turned = SETUP._replace(sensors=tuple(s._replace(heading_rad=-s.heading_rad) for s in SETUP.sensors))
-    as_drawn, other = arbitration(), arbitration()
-    other.reset(turned)
+    as_drawn, other = make("sflc"), make("sflc")
+    other.reset(turned, np.random.default_rng(0))
     observation = see(ranges={"front_left_outer": 0.05})
-    assert as_drawn.heading_error(observation) != other.heading_error(observation)
+    assert heading_error(as_drawn, observation) != heading_error(other, observation)
 
 
 def test_the_sensor_weights_follow_their_formula() -> None:
@@ -630,6 +636,28 @@ def test_a_wrong_behaviour_parameter_is_named(name: str, parameter: str, value: 
 def test_a_wrong_parameter_is_named(name: str, parameter: str, value: Any) -> None:
     with pytest.raises(ValueError, match=parameter):
         make(name, **{parameter: value})
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("controller=pid controller.build.kp=-1", "kp=-1: must be greater than or equal to 0"),
+        ("controller=pid +controller.build.kq=1", "kq: unknown key; allowed here: _target_, behaviors, kp, ki, kd, "),
+        ("controller=pid ~controller.build.kp", "kp: missing; a value is needed"),
+        (
+            "controller=sflc +controller.build.behaviors.unsaf_m=1",
+            "behaviors.unsaf_m: unknown key; did you mean unsafe_m",
+        ),
+        ("controller=sflc controller.build.behaviors=3", "behaviors=3: must be a mapping"),
+        ("controller=sflc controller.build.speed_peaks_mps=3", "speed_peaks_mps=3: must be a mapping"),
+        ("controller=sflc controller.build.speed_peaks_mps.S=-0.2", "speed_peaks_mps: must not be negative"),
+        ("controller=mixed controller.build.fuzzy_turn_in=[fly]", "fuzzy_turn_in=['fly']: must be a list of any of "),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said_in_one_line(words: str, message: str) -> None:
+    with pytest.raises(DescriptionError, match=re.escape(f"controller.build.{message}")) as raised:
+        compose_cell(*words.split(" "))
+    assert "\n" not in str(raised.value)
 
 
 LAWS_OF_BOTH = ["go_to_goal", "follow_wall"]

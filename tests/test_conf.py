@@ -4,6 +4,7 @@ import functools
 import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ import yaml
 from navbench.cli.catalogue import GROUPS, files_of
 from navbench.cli.composing import composing
 from navbench.cli.configuration import cell_of, latest_sources
-from navbench.contract import Observation, Pose
+from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
 from navbench.episode.similarity import native_setup
 from navbench.experiments.cells import Cell
+from navbench.policy import CompiledController
 from navbench.records import RobotRecord
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -133,6 +135,97 @@ def test_a_controller_can_be_sent_to_another_process_before_and_after_it_acts(ce
     here.act(look)
     there = pickle.loads(pickle.dumps(here))
     assert here.act(look) == there.act(look)
+
+
+class Drive(NamedTuple):
+    """What one robot's controller was asked in an episode, and the bytes of what it answered."""
+
+    make: Callable[[], Controller]
+    setup: Setup
+    looks: list[Observation]
+    answers: list[bytes]
+
+    def begun(self, controller: Controller | None = None) -> Any:
+        """Return a controller, by default a new one, at the beginning of the episode."""
+        controller = controller or self.make()
+        controller.reset(self.setup, np.random.default_rng(0))
+        return controller
+
+
+class Watched:
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        self.looks: list[Observation] = []
+        self.answers: list[bytes] = []
+
+    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
+        self.setup = setup
+        self.controller.reset(setup, rng)
+
+    def act(self, look: Observation) -> Command:
+        self.looks.append(look._replace(ranges_m=look.ranges_m.copy(), discs=look.discs.copy()))
+        command = self.controller.act(look)
+        self.answers.append(answer_of(command, self.controller))
+        return command
+
+
+def answer_of(command: Command, controller: Controller) -> bytes:
+    return np.array([*command, *trace_of(controller).values()]).tobytes()
+
+
+@pytest.fixture(scope="module")
+def drive(cell: CellOf) -> Callable[[str, str], Drive]:
+    """Drives a controller in a world through the loop; returns what the first robot's was asked and answered."""
+
+    @functools.cache
+    def drive(controller: str, world: str) -> Drive:
+        chosen, made = cell(controller, world), []
+
+        def make() -> Controller:
+            made.append(Watched(chosen.make_controller()))
+            return made[-1]
+
+        with chosen.runner() as runner:
+            runner.make_controller = make
+            runner.run(0)
+        return Drive(chosen.make_controller, made[0].setup, made[0].looks, made[0].answers)
+
+    return drive
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_compiled_policy_drives_as_act_does_to_the_last_bit(
+    drive: Callable[[str, str], Drive], controller: str
+) -> None:
+    driven = drive(controller, "deadlock")
+    fresh = driven.begun()
+    if not isinstance(fresh, CompiledController):
+        pytest.skip("offers no compiled policy")
+    step, state, parameters, trace = (getattr(fresh.policy, name) for name in ("step", "state", "parameters", "trace"))
+    told = parameters.copy()
+    for look, answer in zip(driven.looks, driven.answers, strict=True):
+        speed = (look.v_mps, look.w_radps)
+        command = step(state, parameters, look.ranges_m, look.discs, tuple(look.pose), look.goal, speed, trace)
+        assert np.array([*command, *trace]).tobytes() == answer
+    assert parameters.tobytes() == told.tobytes()
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_two_controllers_of_one_class_share_no_state(drive: Callable[[str, str], Drive], controller: str) -> None:
+    driven, elsewhere = drive(controller, "deadlock"), drive(controller, "no_deadlock")
+    here, other = driven.begun(), elsewhere.begun()
+    for i, (look, answer) in enumerate(zip(driven.looks, driven.answers, strict=True)):
+        other.act(elsewhere.looks[i % len(elsewhere.looks)])
+        assert answer_of(here.act(look), here) == answer
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_controller_begins_each_episode_anew(drive: Callable[[str, str], Drive], controller: str) -> None:
+    driven = drive(controller, "deadlock")
+    used = driven.begun()
+    for _ in range(2):
+        assert [answer_of(used.act(look), used) for look in driven.looks] == driven.answers
+        driven.begun(used)
 
 
 def test_every_line_of_the_configuration_fits_an_editor() -> None:

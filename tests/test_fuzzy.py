@@ -331,22 +331,22 @@ def test_every_rule_base_has_the_type_that_is_compiled_once() -> None:
     cases = [heading_controller(), FuzzyInference(*lone, fallback={"y": 0}, samples=1)]
     cases += [heading_controller(defuzzification="weighted_mean_of_peaks")]
     cases += [one_rule_a_term(random_output(rng, "wide terms")) for _ in range(20)]
-    types = {numba.typeof(tuple(case.tables)) for case in cases}  # type: ignore[no-untyped-call,unused-ignore]
+    types = {numba.typeof(case.base) for case in cases}  # type: ignore[no-untyped-call,unused-ignore]
     assert len(types) == 1
 
 
 def test_compiled_code_can_call_the_inference() -> None:
     @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
-    def sweep(tables: Any, phi_rad: Any, out: Any) -> int:
+    def sweep(base: Any, phi_rad: Any, out: Any) -> int:
         unusable = 0
         for i in range(phi_rad.size):
-            unusable += infer(tables, phi_rad[i : i + 1], out[i]) >= 0
+            unusable += infer(base, phi_rad[i : i + 1], out[i]) >= 0
         return unusable
 
     controller = heading_controller()
     phi_rad = np.array([-0.5, 0.1, math.nan, 0.4])
     out = np.empty((4, 2))
-    assert sweep(controller.tables, phi_rad, out) == 1
+    assert sweep(controller.base, phi_rad, out) == 1
     assert np.isnan(out[2]).all()
     for i in (0, 1, 3):
         assert tuple(out[i]) == controller(phi_rad[i])

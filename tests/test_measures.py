@@ -10,7 +10,7 @@ from stored import AOUF2019, LIMIT_S, TRACE, ZHAO2018, a_cell, a_record, store
 
 from navbench.analysis.measuring import check_measure, measure
 from navbench.analysis.stored import StoredResults
-from navbench.controllers.aouf2019.phases import is_within, phases
+from navbench.controllers.aouf2019.measures import is_within, phases_of
 from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
@@ -266,7 +266,7 @@ def a_trajectory(**columns: list[float]) -> pd.DataFrame:
 
 
 def names_of(trajectory: pd.DataFrame, outcome: str = "reached") -> list[str]:
-    return [phase.name for phase in phases(trajectory, outcome)]
+    return [phase.name for phase in phases_of(trajectory, outcome)]
 
 
 ESCAPE = a_trajectory(
@@ -280,7 +280,7 @@ ESCAPE = a_trajectory(
 
 def test_an_escape_goes_through_all_phases_in_order() -> None:
     assert names_of(ESCAPE) == ["turn", "approach", "stall", "follow", "release", "approach", "reach"]
-    assert [phase.row for phase in phases(ESCAPE, "reached")] == [2, 2, 4, 4, 7, 8, 9]
+    assert [phase.row for phase in phases_of(ESCAPE, "reached")] == [2, 2, 4, 4, 7, 8, 9]
 
 
 def test_a_failure_never_reaches() -> None:

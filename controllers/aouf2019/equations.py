@@ -1,4 +1,4 @@
-"""The two behaviours of Aouf, Boussaid and Sakly and the arbitration between them, which ``sflc`` and ``pid`` share.
+"""The two behaviours of Aouf, Boussaid and Sakly, which ``sflc`` and ``pid`` share.
 
 A. Aouf, L. Boussaid, A. Sakly, "Same Fuzzy Logic Controller for Two-Wheeled Mobile Robot Navigation in Strange
 Environments", Journal of Robotics 2019, 2465219, doi:10.1155/2019/2465219; equations 7 to 24.
@@ -28,20 +28,10 @@ Errata, corrected here: u_i is v''_i - (x, y), which (11) leaves unsaid; (12), (
 (14) blends unit vectors; (16) and (24) are wrapped to (-pi, pi]; the product in (20) is a dot product; u'_fw,p is an
 error vector in (21) and a unit vector in (22), so u_fw = d_fw u'_fw,t + (u_fw,p - d_fw p) with p = u_fw,p / |u_fw,p|.
 
-The paper says only that the robot switches to wall following when it makes no progress before an obstacle, and back
-when the way is clear. Left open, and decided here (the parameters are those of ``aouf2019_behaviors``):
-
-- A sensor that sees nothing counts in (11), and may be P_1 or P_2, with its point at the end of its range.
-- Wall following begins where a front sensor (all but the three rear ones) reads below ``unsafe_m``; or where one reads
-  below ``at_obstacle_m`` and the best distance to the goal so far has improved by less than ``stall_min_progress_m``
-  in the last ``stall_window_s``, all of it spent in the other behaviour.
-- It keeps the wall on the side of the nearest front sensor. Where both sides are equally near (``side_tie_m``), the
-  side whose direction along the wall leads nearer to the goal; where that is equal too, the left.
-- P_1 and P_2 come from the two smallest readings of the four sensors of that side; of equal readings the one further
-  to the rear counts as smaller, so that the robot turns round a corner behind which it sees nothing.
-- It ends when the robot is nearer to the goal by ``progress_epsilon_m`` than it was ever before wall following began
-  (d_prog), and does not slide: u'_fw,t is no sum of positive shares of u_gtg and u_ao. That step already blends. Both
-  tests are those of simiam, the simulator of a course on mobile robots that teaches these behaviours.
+Left open, and decided here: a sensor that sees nothing counts in (11), and may be P_1 or P_2, with its point at the
+end of its range; P_1 and P_2 come from the two smallest readings of the four sensors of the wall's side; of equal
+readings the one further to the rear counts as smaller, so that the robot turns round a corner behind which it sees
+nothing. When the robot switches is decided in ``behaviors``.
 """
 
 import math
@@ -65,49 +55,7 @@ SENSOR_ROLES = (  # simiam's sensors 1 to 9, clockwise; 2 to 7, here 1 to 6, are
     "rear_right",
     "rear",
 )
-GO_TO_GOAL, FOLLOW_WALL = 0.0, 1.0  # values of the trace's "behavior"
-LEFT, NO_SIDE, RIGHT = 1.0, 0.0, -1.0  # values of the trace's "side": where the followed wall is
-
-TRACE = (
-    "behavior",
-    "side",
-    "heading_error_rad",
-    "goal_distance_m",
-    "progress_distance_m",
-    "front_clearance_m",
-    "at_obstacle",
-    "unsafe",
-    "stalled",
-    "progress_made",
-    "sliding",
-    "periods_in_behavior",
-)
-(
-    BEHAVIOR,
-    SIDE,
-    HEADING_ERROR,
-    GOAL_DISTANCE,
-    PROGRESS_DISTANCE,
-    FRONT_CLEARANCE,
-    AT_OBSTACLE,
-    UNSAFE,
-    STALLED,
-    PROGRESS_MADE,
-    SLIDING,
-    PERIODS,
-) = range(len(TRACE))
-
-# The parameters that ``step`` takes as they are, in its order: a plain tuple passes into compiled code faster than a
-# named one.
-THRESHOLDS = (
-    "blend_alpha",
-    "wall_distance_m",
-    "at_obstacle_m",
-    "unsafe_m",
-    "stall_min_progress_m",
-    "progress_epsilon_m",
-    "side_tie_m",
-)
+LEFT, RIGHT = 1.0, -1.0  # the side of the followed wall
 
 
 @compiled
@@ -133,6 +81,16 @@ def transform(x: float, y: float, theta: float, v: Vector) -> Vector:
 def to_world_frame(x: float, y: float, theta: float, v: Vector) -> Vector:
     """Return v''_i, the point in the world, from the robot's pose and the point in its frame."""
     return transform(x, y, theta, v)  # eq. (10)
+
+
+@compiled
+def points_seen(mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float]) -> FloatArray:
+    """Return the points v''_i that all readings mean, (9, 2), from each sensor's pose in the robot's frame, (9, 3)."""
+    points = np.empty((len(mounts), 2))
+    for i in range(len(mounts)):
+        in_robot = to_robot_frame(mounts[i, 0], mounts[i, 1], mounts[i, 2], sensor_point(ranges_m[i]))
+        points[i, 0], points[i, 1] = to_world_frame(pose[0], pose[1], pose[2], in_robot)
+    return points
 
 
 @compiled
@@ -258,92 +216,3 @@ def side_of_wall(points: FloatArray, ranges_m: FloatArray, u_gtg: Vector, tie_m:
     left_gain = t_left[0] * u_gtg[0] + t_left[1] * u_gtg[1]
     right_gain = t_right[0] * u_gtg[0] + t_right[1] * u_gtg[1]
     return LEFT if left_gain >= right_gain else RIGHT
-
-
-@compiled
-def has_stalled(memory: FloatArray, best_m: FloatArray, min_progress_m: float) -> bool:
-    """Return whether the best distance has hardly improved over the window, and remember it.
-
-    Args:
-        memory: as ``TRACE``; read are the best distance and the periods in this behaviour, counted from 1.
-        best_m: (n_periods,) the best distance at each of the window's periods, written in a circle [m].
-        min_progress_m: less is no progress [m].
-    """
-    periods = int(memory[PERIODS])
-    slot = periods % len(best_m)
-    best = memory[PROGRESS_DISTANCE]
-    stalled: bool = periods > len(best_m) and best_m[slot] - best < min_progress_m
-    best_m[slot] = best
-    return stalled
-
-
-@compiled
-def switch(memory: FloatArray, behavior: float, side: float) -> None:
-    """Begin a behaviour."""
-    memory[BEHAVIOR], memory[SIDE], memory[PERIODS] = behavior, side, 0.0
-
-
-@compiled
-def step(
-    memory: FloatArray,
-    best_m: FloatArray,
-    mounts: FloatArray,
-    weights: FloatArray,
-    thresholds: tuple[float, ...],
-    ranges_m: FloatArray,
-    x: float,
-    y: float,
-    theta: float,
-    x_goal: float,
-    y_goal: float,
-) -> float:
-    """Return the heading error of one control period [rad], the arbitration made.
-
-    Args:
-        memory: as ``TRACE``, read and written.
-        best_m: as in ``has_stalled``, read and written.
-        mounts: (9, 3) pose x [m], y [m], heading [rad] of each sensor in the robot's frame.
-        weights: (9,) alpha_i.
-        thresholds: as ``THRESHOLDS``.
-        ranges_m: (9,) readings [m].
-        x: the robot's x [m].
-        y: the robot's y [m].
-        theta: the robot's heading [rad].
-        x_goal: the goal's x [m].
-        y_goal: the goal's y [m].
-    """
-    alpha, d_fw, at_obstacle_m, unsafe_m, min_progress_m, epsilon_m, tie_m = thresholds
-    u_p = (x, y)
-    points = np.empty((len(mounts), 2))
-    for i in range(len(mounts)):
-        in_robot = to_robot_frame(mounts[i, 0], mounts[i, 1], mounts[i, 2], sensor_point(ranges_m[i]))
-        points[i, 0], points[i, 1] = to_world_frame(x, y, theta, in_robot)
-    u_ao = avoidance_vector(points, weights, u_p)
-    u_gtg = goal_vector((x_goal, y_goal), u_p)
-
-    distance_m = math.hypot(u_gtg[0], u_gtg[1])
-    clearance_m = ranges_m[1:7].min()
-    at_obstacle, unsafe = clearance_m < at_obstacle_m, clearance_m < unsafe_m
-    stalled, progress_made, sliding = False, False, False
-    memory[PERIODS] += 1.0
-    if memory[BEHAVIOR] == GO_TO_GOAL:
-        memory[PROGRESS_DISTANCE] = min(memory[PROGRESS_DISTANCE], distance_m)
-        stalled = has_stalled(memory, best_m, min_progress_m)
-        if unsafe or (at_obstacle and stalled):
-            switch(memory, FOLLOW_WALL, side_of_wall(points, ranges_m, u_gtg, tie_m))
-    else:
-        progress_made = distance_m < memory[PROGRESS_DISTANCE] - epsilon_m
-        sliding = is_sliding(u_gtg, u_ao, wall_direction(points, ranges_m, memory[SIDE]))
-        if progress_made and not sliding:
-            switch(memory, GO_TO_GOAL, NO_SIDE)
-
-    if memory[BEHAVIOR] == GO_TO_GOAL:
-        u = blend(u_gtg, u_ao, alpha)
-    else:
-        u = wall_following(points, ranges_m, memory[SIDE], u_p, d_fw)
-    error: float = heading_error(heading_of(u), theta)
-
-    memory[HEADING_ERROR], memory[GOAL_DISTANCE], memory[FRONT_CLEARANCE] = error, distance_m, clearance_m
-    memory[AT_OBSTACLE], memory[UNSAFE], memory[STALLED] = at_obstacle, unsafe, stalled
-    memory[PROGRESS_MADE], memory[SLIDING] = progress_made, sliding
-    return error

@@ -2,18 +2,32 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from navbench.analysis.estimates import median_of, share_of
 from navbench.analysis.stored import StoredResults, outcomes, reached
-from navbench.controllers.aouf2019.phases import is_within
-from navbench.controllers.aouf2019.phases import phases as phases_of
+from navbench.analysis.traces import spells
+from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL
 from navbench.mathematics.statistics import Estimate
 from navbench.world.layout import DrawnWorld
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Select = Mapping[str, Any]
+
+PHASES = ("turn", "approach", "stall", "follow", "release", "reach")  # also the order of those of one control period
+TURNED_RAD = 0.1
+APPROACHED_M = 0.1
+
+
+class Phase(NamedTuple):
+    """A phase and the row of the trajectory in which it came about."""
+
+    row: int
+    name: str
 
 
 def median_over_straight(stored: StoredResults, select: Select) -> Estimate | None:
@@ -75,7 +89,7 @@ def share_in_phases(stored: StoredResults, phases: Sequence[str], select: Select
 
     Args:
         stored: the study's results.
-        phases: the phases' names (``navbench.controllers.aouf2019.phases``) in the order that the paper tells.
+        phases: the phases' names, of ``PHASES``, in the order that the paper tells.
         select: which cells.
     """
     held = [
@@ -85,11 +99,50 @@ def share_in_phases(stored: StoredResults, phases: Sequence[str], select: Select
     return share_of(held)
 
 
+def phases_of(trajectory: "pd.DataFrame", outcome: str) -> list[Phase]:
+    """Return the phases of one robot's trajectory, in the order in which they came about.
+
+    "turn": the heading error's size falls below 0.1 rad for the first time, having been above at the start.
+    "approach": in a spell of go-to-goal, the goal is 0.1 m nearer than at its beginning.
+    "stall": before an obstacle, there was no progress for the arbitration's window.
+    "follow": wall following begins. "release": it ends. "reach": the goal is reached.
+
+    Args:
+        trajectory: with the trace of ``behaviors``.
+        outcome: the robot's outcome.
+    """
+    acted = trajectory.iloc[:-1]  # at the end the controller acted no more
+    error_rad, behavior = acted["heading_error_rad"].to_numpy(), acted["behavior"].to_numpy()
+    distance_m = acted["goal_distance_m"].to_numpy()
+    happened: list[Phase] = []
+    turned = np.flatnonzero(np.abs(error_rad) < TURNED_RAD)
+    if len(turned) and turned[0] > 0:
+        happened.append(Phase(int(turned[0]), "turn"))
+    for spell in spells(behavior):
+        begin, end = spell.begin, spell.begin + spell.length
+        near = np.flatnonzero(distance_m[begin:end] <= distance_m[begin] - APPROACHED_M)
+        if spell.value == FOLLOW_WALL:
+            happened.append(Phase(begin, "follow"))
+            if end < len(behavior):
+                happened.append(Phase(end, "release"))
+        elif len(near):
+            happened.append(Phase(begin + int(near[0]), "approach"))
+    stalled = acted["stalled"].to_numpy() * acted["at_obstacle"].to_numpy()
+    happened += [Phase(spell.begin, "stall") for spell in spells(stalled) if spell.value == 1.0]
+    if outcome == "reached":
+        happened.append(Phase(len(acted), "reach"))
+    return sorted(happened, key=lambda phase: (phase.row, PHASES.index(phase.name)))
+
+
+def is_within(wanted: Sequence[str], happened: Sequence[str]) -> bool:
+    """Return whether the wanted names stand among the others in their order, others between them or not."""
+    rest = iter(happened)
+    return all(name in rest for name in wanted)
+
+
 def least_cost(stored: StoredResults, tunings: Sequence[str]) -> Estimate | None:
     """Return the median, over some tunings and their seeds, of the least cost that was found, with its range."""
-    rows = stored.evaluations
-    costs = rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].min()
-    return median_of(costs.to_numpy())
+    return median_of(_best(stored, tunings)["cost"].to_numpy())
 
 
 def share_at_bound(stored: StoredResults, parameter: str, tunings: Sequence[str]) -> Estimate | None:
@@ -100,11 +153,16 @@ def share_at_bound(stored: StoredResults, parameter: str, tunings: Sequence[str]
         parameter: the parameter that was searched.
         tunings: the tunings' names.
     """
-    rows = stored.evaluations
-    best = rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
+    best = _best(stored, tunings)
     tunable = next(t for t in stored.manifest["tunings"] if t["name"] in tunings)["configuration"]["tunable"]
     low, high = tunable[parameter]["low"], tunable[parameter]["high"]
     return share_of((best[parameter] >= high - 0.01 * (high - low)).to_numpy())
+
+
+def _best(stored: StoredResults, tunings: Sequence[str]) -> "pd.DataFrame":
+    """Return the evaluation of the least cost in each of some tunings with each of its seeds."""
+    rows = stored.evaluations
+    return rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
 
 
 def _straight_m(world: DrawnWorld, robot_index: int) -> float:

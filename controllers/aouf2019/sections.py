@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from navbench.controllers.aouf2019.phases import phases as phases_of
+from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL
+from navbench.controllers.aouf2019.measures import phases_of
 from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import PALETTE, draw_world, label_legend, nested_width, new_figure
@@ -35,7 +36,7 @@ def phases(page: Page, *, select: Select) -> Blocks:
     figure, axes = new_figure(1, 1, 5.2, 5.0)
     ax = axes[0, 0]
     draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
-    follows = (path["behavior"] == 1.0).to_numpy()
+    follows = (path["behavior"] == FOLLOW_WALL).to_numpy()
     for holds, color, name in ((~follows, PALETTE[0], "go to goal"), (follows, PALETTE[1], "follow wall")):
         shown = holds | np.roll(holds, 1)  # each piece reaches the beginning of the next
         ax.plot(path["x_m"].where(shown), path["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)

@@ -3,9 +3,9 @@
 A. Aouf, L. Boussaid, A. Sakly, "Same Fuzzy Logic Controller for Two-Wheeled Mobile Robot Navigation in Strange
 Environments", Journal of Robotics 2019, 2465219, doi:10.1155/2019/2465219; section 5, Tables 1 and 2, Figures 10 to 12.
 
-One fuzzy controller of one input serves both behaviours, see ``aouf2019``: what it is given is the heading error of the
-active one. Eleven rules turn it into a turning rate of the same size and sign and into a speed that falls as the error
-grows. So the robot is quick where the way is straight and nearly turns on the spot where it is not.
+One fuzzy controller of one input serves both behaviours, see ``equations``: what it is given is the heading error of
+the active one. Eleven rules turn it into a turning rate of the same size and sign and into a speed that falls as the
+error grows. So the robot is quick where the path is straight and nearly turns on the spot where it is not.
 
 | symbol | here | unit | where |
 |---|---|---|---|
@@ -28,12 +28,12 @@ from typing import Any
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from navbench.contract import Command, Observation, Setup
-from navbench.fuzzy.inference import FuzzyInference, Variable, memberships
-from navbench.validation import STRICT, Number, describe, remembered
+from navbench.contract import FloatArray, Setup
+from navbench.fuzzy.inference import FuzzyInference, Variable, infer, memberships
+from navbench.policy import Policy, compiled, pack, part
+from navbench.validation import STRICT, Number, remembered
 
-from .behaviors import Behaviors
-from .equations import SENSOR_ROLES
+from .behaviors import LAW, TRACE, Behaving, active_heading_error
 
 # Table 2: heading error, linear velocity, angular velocity.
 RULES = (
@@ -53,14 +53,43 @@ ERRORS = tuple(error for error, _, _ in RULES)  # Table 1; the turning rate's se
 SPEEDS = ("S", "M", "L", "VL")  # Table 1, with the L that it lacks
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Peaks:
-    """Where each fuzzy set has its peak, from the lowest to the highest.
+@compiled
+def fuzzy_law(base: FloatArray, error: float) -> tuple[float, float]:
+    """Return v and w, the fuzzy controller's answer to a heading error, both NaN where that is.
+
+    Args:
+        base: ``FuzzyInference.base`` of ``same_fuzzy_controller``.
+        error: the heading error [rad].
+    """
+    answer = np.empty(2)
+    infer(base, np.array([error]), answer)
+    return answer[0], answer[1]
+
+
+@compiled
+def step(
+    state: FloatArray,
+    parameters: FloatArray,
+    ranges_m: FloatArray,
+    discs: FloatArray,
+    pose: tuple[float, float, float],
+    goal: tuple[float, float],
+    speed: tuple[float, float],
+    trace: FloatArray,
+) -> tuple[float, float]:
+    """Return the fuzzy controller's answer to the active behaviour; a step of ``navbench.policy``."""
+    return fuzzy_law(part(parameters, LAW), active_heading_error(state, parameters, ranges_m, pose, goal, trace))
+
+
+@dataclass(kw_only=True, config=STRICT)
+class Fuzzy(Behaving):
+    """What steers by the fuzzy controller; each fuzzy set has its peak, from the lowest to the highest.
 
     Attributes:
         heading_error_peaks_rad: of the input, within -pi and pi [rad].
         speed_peaks_mps: of the speed, from its lower to its upper end [m/s].
         turn_peaks_radps: of the turning rate, from its lower to its upper end [rad/s].
+        inference: the fuzzy controller: heading error [rad] to speed [m/s] and turning rate [rad/s].
     """
 
     heading_error_peaks_rad: Mapping[str, Number]
@@ -68,7 +97,8 @@ class Peaks:
     turn_peaks_radps: Mapping[str, Number]
 
     def __post_init__(self) -> None:
-        """Check names, order and range."""
+        """Check names, order and range, and build the fuzzy controller."""
+        errors_rad, speeds_mps = self.heading_error_peaks_rad, self.speed_peaks_mps
         for name, needed in (
             ("heading_error_peaks_rad", ERRORS),
             ("speed_peaks_mps", SPEEDS),
@@ -80,43 +110,16 @@ class Peaks:
                 raise ValueError(f"{name}: must name the sets {', '.join(needed)}, in this order")
             if any(after <= before for before, after in zip(values, values[1:], strict=False)):
                 raise ValueError(f"{name}: must ascend from the first set to the last, not {values}")
-        if max(map(abs, self.heading_error_peaks_rad.values())) > math.pi:
+        if max(map(abs, errors_rad.values())) > math.pi:
             raise ValueError("heading_error_peaks_rad: must lie within -pi and pi")
-        if min(self.speed_peaks_mps.values()) < 0.0:
+        if min(speeds_mps.values()) < 0.0:
             raise ValueError("speed_peaks_mps: must not be negative")
+        self.inference = same_fuzzy_controller(errors_rad, speeds_mps, self.turn_peaks_radps)
 
 
-class Sflc:
-    """The S.F.L.C.: two behaviours, one fuzzy controller.
-
-    Attributes:
-        sensor_roles: the sensors that it needs, in this order.
-        inference: the fuzzy controller: heading error [rad] to speed [m/s] and turning rate [rad/s].
-    """
-
-    sensor_roles = SENSOR_ROLES
-
-    def __init__(
-        self,
-        *,
-        behaviors: Mapping[str, Any],
-        heading_error_peaks_rad: Mapping[str, float],
-        speed_peaks_mps: Mapping[str, float],
-        turn_peaks_radps: Mapping[str, float],
-    ) -> None:
-        """Check the parameters and build the fuzzy controller.
-
-        Args:
-            behaviors: a value for each field of ``aouf2019_behaviors.BehaviorParameters``.
-            heading_error_peaks_rad: peak of each of the eleven sets of the input [rad].
-            speed_peaks_mps: peak of each of the four sets of the speed [m/s].
-            turn_peaks_radps: peak of each of the eleven sets of the turning rate [rad/s].
-
-        Raises:
-            ValueError: a parameter is unknown, missing or out of range.
-        """
-        self._behaviors = Behaviors(behaviors)
-        self.inference = same_fuzzy_controller(heading_error_peaks_rad, speed_peaks_mps, turn_peaks_radps)
+@dataclass(kw_only=True, config=STRICT)
+class Sflc(Fuzzy):
+    """The S.F.L.C.: two behaviours, one fuzzy controller."""
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -124,17 +127,10 @@ class Sflc:
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
-        self._behaviors.reset(setup)
-
-    def act(self, observation: Observation) -> Command:
-        """Return the fuzzy controller's answer to the heading error of the active behaviour."""
-        speed_mps, turn_radps = self.inference(self._behaviors.heading_error(observation))
-        return Command(speed_mps, turn_radps)
-
-    @property
-    def trace(self) -> dict[str, float]:
-        """What the behaviours and the arbitration did at the latest act: see ``aouf2019.TRACE``."""
-        return self._behaviors.trace
+        state, parameters = self.behaviors.begin(setup)
+        self.policy = Policy(
+            step=step, state=pack(*state), parameters=pack(*parameters, self.inference.base), trace_names=TRACE
+        )
 
     def describe(self) -> dict[str, dict[str, list[Any]]]:
         """Return named tables for a report: memberships (Figs 10 to 12), rules (Table 2) and the control surface.
@@ -166,27 +162,12 @@ def same_fuzzy_controller(
     speed_peaks_mps: Mapping[str, float],
     turn_peaks_radps: Mapping[str, float],
 ) -> FuzzyInference:
-    """Return the fuzzy controller: heading error [rad] to speed [m/s] and turning rate [rad/s].
-
-    Args:
-        heading_error_peaks_rad: peak of each of the eleven sets of the input [rad].
-        speed_peaks_mps: peak of each of the four sets of the speed [m/s].
-        turn_peaks_radps: peak of each of the eleven sets of the turning rate [rad/s].
-
-    Raises:
-        ValueError: a set is unknown, missing, out of order or out of range.
-    """
-    given = {
-        "heading_error_peaks_rad": heading_error_peaks_rad,
-        "speed_peaks_mps": speed_peaks_mps,
-        "turn_peaks_radps": turn_peaks_radps,
-    }
-    peaks = describe(Peaks, given, "build")
+    """Return the fuzzy controller of some peaks, which are checked: see ``Fuzzy``."""
     return FuzzyInference(
-        {"heading_error": Variable.from_peaks(peaks.heading_error_peaks_rad, -math.pi, math.pi, shoulders=True)},
-        {"speed": _output(peaks.speed_peaks_mps), "turn": _output(peaks.turn_peaks_radps)},
+        {"heading_error": Variable.from_peaks(heading_error_peaks_rad, -math.pi, math.pi, shoulders=True)},
+        {"speed": _output(speed_peaks_mps), "turn": _output(turn_peaks_radps)},
         RULES,
-        fallback={"speed": peaks.speed_peaks_mps["S"], "turn": peaks.turn_peaks_radps["Z"]},  # a rule always fires
+        fallback={"speed": speed_peaks_mps["S"], "turn": turn_peaks_radps["Z"]},  # a rule always fires
     )
 
 

@@ -38,7 +38,6 @@ the mean of the concluded sets' peaks, weighted by the rules' strengths. With th
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -106,7 +105,7 @@ def sector(theta_obs: float, front_rad: float, side_rad: float) -> int:
 
 @compiled
 def directional_danger(
-    ddcfc: Any,
+    ddcfc: FloatArray,
     thresholds: tuple[float, float, float, float, float],
     velocity_aware: bool,
     pose: tuple[float, float, float],
@@ -116,7 +115,7 @@ def directional_danger(
     """Return LDDC, FDDC and RDDC: the largest danger degree of the obstacles in each sector, 0 in an empty one.
 
     Args:
-        ddcfc: ``FuzzyInference.tables`` of ``danger_controller``, as a plain tuple.
+        ddcfc: ``FuzzyInference.base`` of ``danger_controller``.
         thresholds: R_rob [m], T [s], D_s [m], and how far the front and the sides reach [rad].
         velocity_aware: False: the collision time counts as infinite.
         pose: the robot's x [m], y [m] and heading [rad].

@@ -107,7 +107,6 @@ class DualLayer:
         self._parameters = describe(Parameters, given, "build")
         self.rules = rule_base(rules)
         self._sets, self.ddcfc, self.vfc = _layers(rules, speed_max_mps, turn_max_radps, sets)
-        self._tables = tuple(self.ddcfc.tables)
         self._behaviors = np.array([BEHAVIORS.index(rule.behavior) for rule in self.rules])
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
@@ -130,7 +129,7 @@ class DualLayer:
         hits, discs = self._hits(observation.ranges_m, pose), observation.discs
         obstacles = np.concatenate([hits, discs]) if len(discs) else hits
         dangers = directional_danger(
-            self._tables,
+            self.ddcfc.base,
             self._thresholds,
             self._parameters.velocity_aware,
             pose,

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.compiled import compiled
+from navbench.contract import FloatArray
 from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
 from navbench.validation import STRICT, Number, Positive, describe, remembered
 
@@ -82,11 +83,11 @@ TABLE_5: Table = {  # 4FB: mu down, d_destination (C, MD, MF, F) across
 
 
 @compiled
-def answer(block: Any, inputs: tuple[float, ...]) -> float:
+def answer(block: FloatArray, inputs: tuple[float, ...]) -> float:
     """Return what a block answers to its inputs, NaN if one is.
 
     Args:
-        block: one of ``FuzzyBlocks.tables``.
+        block: one of ``FuzzyBlocks.bases``.
         inputs: in the order of the block's variables.
     """
     values, out = np.empty(len(inputs)), np.empty(1)
@@ -154,7 +155,7 @@ class FuzzyBlocks:
         track_right: 2FB of a wall on the right, from d_s6 and d_s5 [m] to mu_2 [rad].
         approach: 3FB, from the destination's bearing [rad] to mu_3 [rad].
         speed: 4FB, from mu [rad] and d_destination [m] to the average speed as a share of V_max.
-        tables: ``FuzzyInference.tables`` of the five, in this order, as plain tuples.
+        bases: ``FuzzyInference.base`` of the five, in this order.
     """
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
@@ -176,7 +177,7 @@ class FuzzyBlocks:
         self.approach = _block(TABLE_4, {"bearing": bearing}, {"mu_3": turn})
         distance, speed = _distance(peaks.destination_distance_m), _whole_triangles(peaks.speed_share)
         self.speed = _block(TABLE_5, {"mu": turn, "d_destination": distance}, {"V_avg": speed})
-        self.tables = tuple(tuple(block.tables) for block in self.by_name().values())
+        self.bases = tuple(block.base for block in self.by_name().values())
 
     def by_name(self) -> dict[str, FuzzyInference]:
         """Return the blocks by what the paper calls them, in the order of the class's docstring."""

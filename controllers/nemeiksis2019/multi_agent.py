@@ -88,7 +88,7 @@ def wheel_speeds(mu: float, v_avg: float, k: float, track: float) -> tuple[float
 
 @compiled
 def steered(
-    tables: tuple[Any, ...],
+    bases: tuple[FloatArray, ...],
     ranges: FloatArray,
     reads_rear: bool,
     side: float,
@@ -100,7 +100,7 @@ def steered(
     """Return mu_1, mu_2, mu_3, the active agent's mu [rad] and V_avg [m/s], NaN where an input is.
 
     Args:
-        tables: ``FuzzyBlocks.tables``.
+        bases: ``FuzzyBlocks.bases``.
         ranges: (10,) d_s1 to d_s10 [m].
         reads_rear: whether 1FB takes the rear's readings, see ``Drive``.
         side: of the wall that 2FB tracks, ``LEFT`` or ``RIGHT``.
@@ -109,7 +109,7 @@ def steered(
         d_destination: distance to the destination [m].
         v_max: V_max [m/s].
     """
-    bypass, track_left, track_right, approach, speed = tables
+    bypass, track_left, track_right, approach, speed = bases
     d_s1, d_s2, d_s3, d_s4, d_s5 = ranges[0], ranges[1], ranges[2], ranges[3], ranges[4]
     d_s6, d_s7, d_s8, d_s9, d_s10 = ranges[5], ranges[6], ranges[7], ranges[8], ranges[9]
     mu_1 = answer(bypass, (d_s9, d_s7, d_s8) if reads_rear else (d_s4, d_s2, d_s3))
@@ -196,7 +196,7 @@ class MultiAgent:
 
         reads_rear = self._drive.bypass_reads_rear and not pattern & self._front
         mu_1, mu_2, mu_3, mu, v_avg = steered(
-            self.blocks.tables, observation.ranges_m, reads_rear, side, agent, bearing, d_destination, self._v_max_mps
+            self.blocks.bases, observation.ranges_m, reads_rear, side, agent, bearing, d_destination, self._v_max_mps
         )
         if math.isnan(mu_1 + mu_2 + mu_3 + v_avg):
             raise ValueError("a reading, the pose or the goal is NaN, which has no membership")

@@ -36,7 +36,6 @@ hull, and (4) picks up the robot's own turning. Of equal dangers the first senso
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -194,7 +193,7 @@ def wheel_speed(share: float, gain: float, limit_mps: float) -> float:
 
 @compiled
 def commanded(
-    tables: tuple[Any, Any],
+    bases: tuple[FloatArray, FloatArray],
     before: FloatArray,
     ranges: FloatArray,
     ring: FloatArray,
@@ -212,7 +211,7 @@ def commanded(
     The wheels' speeds are NaN if an input of the active fuzzy controller is unusable.
 
     Args:
-        tables: ``FuzzyInference.tables`` of OA-FLC and of TO-FLC, as plain tuples.
+        bases: ``FuzzyInference.base`` of OA-FLC and of TO-FLC.
         before: (16,) readings one period ago [m]; takes those of now.
         ranges: (16,) readings now [m].
         ring: (2, 16) what each sensor reads where it sees nothing [m], where it looks [rad].
@@ -225,7 +224,7 @@ def commanded(
         x_goal: the target's x [m].
         y_goal: the target's y [m].
     """
-    (oa, to), (period_s, radius_m, gain, limit_mps) = tables, robot
+    (oa, to), (period_s, radius_m, gain, limit_mps) = bases, robot
     avoids, r, phi, situation, sensor = avoidance(before, ranges, ring[0], ring[1], period_s, thresholds, directions)
     before[:] = ranges
     d, psi = target(x, y, theta, x_goal, y_goal, radius_m)

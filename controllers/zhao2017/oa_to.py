@@ -127,7 +127,7 @@ class OaTo:
         self._output_gain = chosen.output_gain
         self._directions = tuple(getattr(special, name) for name in SpecialPhi.__dataclass_fields__)
         self.oa, self.to = _fuzzy_controllers(oa_memberships, oa_rules, to_memberships, to_rules)
-        self._tables = (tuple(self.oa.tables), tuple(self.to.tables))
+        self._bases = (self.oa.base, self.to.base)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -149,7 +149,7 @@ class OaTo:
         """Return what Table 3 commands: the answer of OA-FLC to the danger, or of TO-FLC to the target."""
         (x, y, theta), goal = observation.pose, observation.goal
         r, phi, sensor, avoids, situation, d, psi, left_mps, right_mps = commanded(
-            self._tables, self._before_m, observation.ranges_m, self._ring,
+            self._bases, self._before_m, observation.ranges_m, self._ring,
             self._thresholds, self._directions, self._of_robot,
             x, y, theta, goal[0], goal[1],
         )  # fmt: skip

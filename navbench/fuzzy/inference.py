@@ -1,7 +1,7 @@
 """Mamdani inference over any number of inputs and outputs: min for "and" and implication, max over the rules.
 
-A rule base is data. Building one turns it into arrays, which ``infer``, compiled once for all rule bases, takes as
-arguments: changing a membership or a rule costs a rebuild of the arrays and never a compilation.
+A rule base is data. Building one turns it into one array, which ``infer``, compiled once for all rule bases, takes as
+an argument: changing a membership or a rule costs a rebuild of the array and never a compilation.
 
 The centroid is a sum over cells that no corner of a term crosses: an output's range is cut at all corners, and each
 piece into equal cells no wider than range / samples, at least eight of them, so that narrow terms count in full. In a
@@ -13,37 +13,34 @@ import itertools
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from navbench.compiled import compiled
 from navbench.fuzzy.variables import Rules, Table, Term, Variable, number_rules, rules_from_table
+from navbench.policy import pack, part
 
-__all__ = ["FuzzyInference", "Table", "Tables", "Term", "Variable", "infer", "memberships", "rules_from_table"]
+__all__ = ["FuzzyInference", "Table", "Term", "Variable", "fire", "infer", "memberships", "rules_from_table"]
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 DEFUZZIFICATIONS = ("centroid", "weighted_mean_of_peaks")
 CELLS_PER_PIECE = 8  # at least, between two neighbouring corners
 NEGLIGIBLE = 1e-200  # a weaker output counts as not fired: its area would underflow to 0 / 0
 
 
-class Tables(NamedTuple):
-    """A rule base as arrays, the first argument of ``infer``. Terms are numbered through, the inputs' first."""
-
-    ranges: FloatArray  # (n_inputs, 3) low, high, period (0: not circular)
-    shapes: FloatArray  # (n_terms, 5) corners a, b, c, d; 1 if the ramps are smooth
-    starts: IntArray  # (n_inputs + n_outputs + 1,) number of each variable's first term; last, n_terms
-    rules: IntArray  # (n_rules, n_inputs + n_outputs) numbers of terms; n_terms stands for any and for none
-    spans: IntArray  # (n_terms, 3) an output term's first cell, its end, and where its lines begin; 0 for input terms
-    cells: FloatArray  # (2, n_cells) width, width times midpoint; all outputs in a row
-    lines: FloatArray  # (3, n) each output term over the cells of its span: lower end, rise, 1 / (2 rise) or 0
-    peaks: FloatArray  # (n_terms,)
-    fallback: FloatArray  # (n_outputs,)
-    weighted: bool  # weighted mean of peaks, not centroid
+# What ``pack`` makes a rule base of, in this order. Terms are numbered through, the inputs' first.
+RANGES = 0  # (n_inputs, 3) low, high, period (0: not circular)
+SHAPES = 1  # (n_terms, 5) corners a, b, c, d; 1 if the ramps are smooth
+STARTS = 2  # (n_inputs + n_outputs + 1,) number of each variable's first term; last, n_terms
+RULES = 3  # (n_rules, n_inputs + n_outputs) numbers of terms; n_terms stands for any and for none
+SPANS = 4  # (n_terms, 3) an output term's first cell, its end, and where its lines begin; 0 for input terms
+CELLS = 5  # (2, n_cells) width, width times midpoint; all outputs in a row
+LINES = 6  # (3, n) each output term over the cells of its span: lower end, rise, 1 / (2 rise) or 0
+PEAKS = 7  # (n_terms,)
+FALLBACK = 8  # (n_outputs,)
+WEIGHTED = 9  # (1,) 1 for the weighted mean of peaks, 0 for the centroid
 
 
 @compiled
@@ -85,48 +82,37 @@ def _memberships(x: FloatArray, bounds: FloatArray, shapes: FloatArray) -> Float
 
 
 @compiled
-def _fire(
-    ranges: FloatArray,
-    shapes: FloatArray,
-    starts: IntArray,
-    rules: IntArray,
-    values: FloatArray,
-    slots: FloatArray,
-    strengths: FloatArray,
-) -> int:
+def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, strengths: FloatArray) -> int:
     """Write the degree of each input term and the strength of each rule; return which input is unusable, or -1."""
-    n_inputs = ranges.shape[0]
+    ranges, shapes = part(base, RANGES).reshape(-1, 3), part(base, SHAPES).reshape(-1, 5)
+    starts, n_inputs = part(base, STARTS), ranges.shape[0]
+    rules = part(base, RULES).reshape(-1, starts.size - 1)
     for i in range(n_inputs):
         if math.isnan(values[i]) or (math.isinf(values[i]) and ranges[i, 2] > 0.0):
             return i
-        _fuzzify(values[i], ranges[i], shapes, starts[i], starts[i + 1], slots)
-    slots[starts[-1]] = 1.0  # any
+        _fuzzify(values[i], ranges[i], shapes, int(starts[i]), int(starts[i + 1]), slots)
+    slots[shapes.shape[0]] = 1.0  # any
     for r in range(rules.shape[0]):
         strength = 1.0
         for i in range(n_inputs):
-            strength = min(strength, slots[rules[r, i]])
+            strength = min(strength, slots[int(rules[r, i])])
         strengths[r] = strength
     return -1
 
 
 @compiled
-def _centroid(
-    slots: FloatArray,
-    first: int,
-    stop: int,
-    spans: IntArray,
-    cells: FloatArray,
-    lines: FloatArray,
-    level: FloatArray,
-) -> float:
+def _centroid(base: FloatArray, slots: FloatArray, first: int, stop: int, level: FloatArray) -> float:
     """Return the centroid of the terms from first to stop, each cut at its strength; NaN if none fired."""
+    spans, cells = part(base, SPANS).reshape(-1, 3), part(base, CELLS).reshape(2, -1)
+    lines = part(base, LINES).reshape(3, -1)
     begin, end = level.size, 0
     for t in range(first, stop):
         strength = slots[t]
         if strength > NEGLIGIBLE:
-            begin, end = min(begin, spans[t, 0]), max(end, spans[t, 1])
-            at = spans[t, 2] - spans[t, 0]
-            for k in range(spans[t, 0], spans[t, 1]):
+            cell, last, line = int(spans[t, 0]), int(spans[t, 1]), int(spans[t, 2])
+            begin, end = min(begin, cell), max(end, last)
+            at = line - cell
+            for k in range(cell, last):
                 below = min(strength, lines[0, at + k])
                 cut = min(strength - below, lines[1, at + k])
                 level[k] = max(level[k], below + cut - cut * cut * lines[2, at + k])
@@ -148,37 +134,51 @@ def _weighted_mean(slots: FloatArray, first: int, stop: int, peaks: FloatArray) 
 
 
 @compiled
-def infer(tables: Tables, values: FloatArray, out: FloatArray) -> int:
+def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
+    """Write how strongly each rule fires for the crisp inputs, callable from compiled code.
+
+    Args:
+        base: ``FuzzyInference.base``.
+        values: (n_inputs,) inputs, as ``infer`` takes them.
+        strengths: (n_rules,) is written, unless an input is unusable.
+
+    Returns:
+        The number of the first unusable input, else -1.
+    """
+    return _fire(base, values, np.empty(part(base, PEAKS).size + 1), strengths)
+
+
+@compiled
+def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
     """Write the crisp outputs for the crisp inputs: the whole inference, callable from compiled code.
 
     Args:
-        tables: ``FuzzyInference.tables``.
+        base: ``FuzzyInference.base``.
         values: (n_inputs,) inputs; outside its range one saturates to the nearer end, or wraps if it is circular.
         out: (n_outputs,) is written; all NaN if an input is unusable.
 
     Returns:
         The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
     """
-    ranges, shapes, starts, rules, spans, cells, lines, peaks, fallback, weighted = tables
-    n_inputs, n_rules, n_slots = ranges.shape[0], rules.shape[0], starts[-1] + 1
-    work = np.empty(n_slots + n_rules + cells.shape[1])  # one allocation is cheaper than three
+    starts, peaks, fallback = part(base, STARTS), part(base, PEAKS), part(base, FALLBACK)
+    n_inputs, n_terms, weighted = starts.size - 1 - fallback.size, peaks.size, part(base, WEIGHTED)[0] > 0.0
+    rules = part(base, RULES).reshape(-1, starts.size - 1)
+    n_rules, n_slots = rules.shape[0], n_terms + 1
+    work = np.empty(n_slots + n_rules + part(base, CELLS).size // 2)  # one allocation is cheaper than three
     slots, strengths, level = work[:n_slots], work[n_slots : n_slots + n_rules], work[n_slots + n_rules :]
-    unusable = _fire(ranges, shapes, starts, rules, values, slots, strengths)
+    unusable = _fire(base, values, slots, strengths)
     if unusable >= 0:
         out[:] = math.nan
         return unusable
-    slots[starts[n_inputs] :] = 0.0
+    slots[int(starts[n_inputs]) :] = 0.0
     for r in range(n_rules):  # by output term: the largest strength for the centroid, the sum for the weighted mean
         for o in range(n_inputs, rules.shape[1]):
-            t = rules[r, o]
+            t = int(rules[r, o])
             slots[t] = slots[t] + strengths[r] if weighted else max(slots[t], strengths[r])
     level[:] = 0.0
     for o in range(fallback.size):
-        first, stop = starts[n_inputs + o], starts[n_inputs + o + 1]
-        if weighted:
-            crisp = _weighted_mean(slots, first, stop, peaks)
-        else:
-            crisp = _centroid(slots, first, stop, spans, cells, lines, level)
+        first, stop = int(starts[n_inputs + o]), int(starts[n_inputs + o + 1])
+        crisp = _weighted_mean(slots, first, stop, peaks) if weighted else _centroid(base, slots, first, stop, level)
         out[o] = fallback[o] if math.isnan(crisp) else crisp
     return -1
 
@@ -233,6 +233,9 @@ class FuzzyInference:
     An input outside the range of its variable saturates to the nearer end, infinity included, or wraps if the variable
     is circular. An input that is NaN raises ValueError. An output on which no rule fires takes its fallback. An object
     pickles, is changed only by ``replaced``, which returns a new one, and serves one thread at a time.
+
+    Attributes:
+        base: (n,) the whole rule base, for ``infer`` and ``fire``.
     """
 
     def __init__(
@@ -273,8 +276,7 @@ class FuzzyInference:
             raise ValueError(f"fallback must name {', '.join(self.outputs)}, not {', '.join(self.fallback)}")
         for name, variable in self.outputs.items():
             self._check_output(name, variable)
-        self.tables = self._tables()
-        self._arrays: Any = tuple(self.tables)  # a plain tuple passes into compiled code faster than a named one
+        self.base = self._packed()
         self._values, self._out = np.empty(len(self.inputs)), np.empty(len(self.outputs))
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -315,15 +317,14 @@ class FuzzyInference:
             ValueError: for a wrong number of values, a NaN, or infinity on a circular input.
         """
         self._load(values)
-        self._check_usable(infer(self._arrays, self._values, self._out))
+        self._check_usable(infer(self.base, self._values, self._out))
         return tuple(self._out.tolist())
 
     def strengths(self, *values: float) -> FloatArray:
         """Return the firing strength of each rule, (n_rules,); raises as a call does."""
         self._load(values)
-        ranges, shapes, starts, rules, *_ = self.tables
-        strengths = np.empty(len(rules))
-        self._check_usable(_fire(ranges, shapes, starts, rules, self._values, np.empty(starts[-1] + 1), strengths))
+        strengths = np.empty(len(self.rules))
+        self._check_usable(fire(self.base, self._values, strengths))
         return strengths
 
     def surface(self, *axes: ArrayLike) -> FloatArray:
@@ -356,7 +357,7 @@ class FuzzyInference:
             if self.defuzzification == "weighted_mean_of_peaks" and not low <= term.peak <= high:
                 raise ValueError(f"output {name!r}: the peak {term.peak} of {term_name!r} lies outside [{low}, {high}]")
 
-    def _tables(self) -> Tables:
+    def _packed(self) -> FloatArray:
         variables = [*self.inputs.values(), *self.outputs.values()]
         starts = np.cumsum([0, *(len(variable.terms) for variable in variables)])
         spans, cells, lines = [(0, 0, 0)] * int(starts[len(self.inputs)]), [], []
@@ -372,15 +373,15 @@ class FuzzyInference:
             widths = np.diff(edges)
             cells.append((widths, widths * 0.5 * (edges[:-1] + edges[1:])))
             n_cells += widths.size
-        return Tables(
-            ranges=_floats([_bounds(variable) for variable in self.inputs.values()]),
-            shapes=_floats(np.concatenate([_shapes(variable) for variable in variables])),
-            starts=starts.astype(np.int64),
-            rules=np.array(number_rules(self.rules, self.inputs, self.outputs), dtype=np.int64),
-            spans=np.array(spans, dtype=np.int64),
-            cells=_floats(np.concatenate(cells, axis=1)),
-            lines=_floats(np.concatenate(lines, axis=1)),
-            peaks=_floats([term.peak for variable in variables for term in variable.terms.values()]),
-            fallback=_floats([self.fallback[name] for name in self.outputs]),
-            weighted=self.defuzzification == "weighted_mean_of_peaks",
+        return pack(
+            [_bounds(variable) for variable in self.inputs.values()],
+            np.concatenate([_shapes(variable) for variable in variables]),
+            starts,
+            number_rules(self.rules, self.inputs, self.outputs),
+            spans,
+            np.concatenate(cells, axis=1),
+            np.concatenate(lines, axis=1),
+            [term.peak for variable in variables for term in variable.terms.values()],
+            [self.fallback[name] for name in self.outputs],
+            [self.defuzzification == "weighted_mean_of_peaks"],
         )
