@@ -43,6 +43,7 @@ import numpy as np
 
 from navbench.contract import FloatArray, Setup, check_roles
 from navbench.fuzzy.describing import Columns
+from navbench.mathematics.geometry import hypotenuse
 from navbench.mathematics.kinematics import body_speed
 from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import Flag, Positive, checked
@@ -116,7 +117,7 @@ def step(
     """
     work, switch, drive, d_s = state[2:], part(parameters, SWITCH), part(parameters, DRIVE), ranges_m
     k, reads_rear, track, v_max = drive[0], drive[1] > 0.0, drive[2], drive[3]
-    d_destination = math.hypot(goal[0] - pose[0], goal[1] - pose[1])
+    d_destination = hypotenuse(goal[0] - pose[0], goal[1] - pose[1])
     bearing = -deviation(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))  # positive to the left
     pattern = pattern_seen(d_s, part(parameters, DETECT))
     side = tracked_side(pattern, d_s)

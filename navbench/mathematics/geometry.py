@@ -20,6 +20,25 @@ def wrap_angle(angle_rad: float) -> float:
 
 
 @compiled
+def square(x: float) -> tuple[float, float]:
+    """Return x * x, rounded, and what rounding took from it (Dekker's product)."""
+    shifted = 134217729.0 * x  # 2^27 + 1
+    high = shifted - (shifted - x)
+    low = x - high
+    return x * x, (high * high - x * x + 2.0 * high * low) + low * low
+
+
+@compiled
+def hypotenuse(x: float, y: float) -> float:
+    """Return sqrt(x^2 + y^2), rounded as Python's ``math.hypot``; a C library's, compiled, may be an ulp off."""
+    h = math.sqrt(x * x + y * y)
+    if not 0.0 < h < math.inf:
+        return h
+    (a, da), (b, db), (c, dc) = square(max(abs(x), abs(y))), square(min(abs(x), abs(y))), square(h)
+    return h + ((a - c + b) + (da + db - dc)) / (2.0 * h)
+
+
+@compiled
 def box_distance(x_m: float, y_m: float, box: FloatArray) -> float:
     """Return the signed distance from a point to a rotated box [m], negative inside.
 
