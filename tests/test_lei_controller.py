@@ -432,12 +432,12 @@ class Ring:
 
     def __init__(self, sensors: tuple[RangeSensor, ...] = RINGED.sensors) -> None:
         self.mounts, count = by_bearing(sensors), len(sensors)
-        self.before, self.now = np.full((count, 2), np.nan), np.zeros((count, 2))
+        self.outline, self.points = np.full((count, 4), np.nan), np.zeros((count, 2))
 
     def __call__(self, ranges_m: Any, pose: tuple[float, float, float]) -> Any:
         obstacles = np.zeros((len(self.mounts), 5))
-        reach_m = 0.22 * PERIOD_S
-        hits = scan(self.mounts, ranges_m, pose, PERIOD_S, reach_m, self.before, self.now, obstacles)
+        arrays = (self.outline, self.points, obstacles)
+        hits = scan(self.mounts, ranges_m, pose, math.pi, PERIOD_S, 0.22 * PERIOD_S, *arrays)
         return obstacles[:hits]
 
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from navbench.contract import FloatArray, Setup
 from navbench.fuzzy.describing import Columns, columns, membership_corners
-from navbench.fuzzy.inference import FuzzyInference, fire, infer
+from navbench.fuzzy.inference import FuzzyInference, conclude, fire
 from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import Flag, Positive, checked, describe, remembered
 
@@ -37,7 +37,7 @@ from .hits import by_bearing, scan
 from .rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
 from .sets import FuzzySets, velocity_controller
 
-BEFORE, NOW, OBSTACLES, FACTORS, SITUATION, STRENGTHS = range(6)  # parts of the state
+OUTLINE, POINTS, OBSTACLES, FACTORS, SITUATION, STRENGTHS = range(6)  # parts of the state
 MOUNTS, REACH, THRESHOLDS, BEHAVIOR, DDCFC, VFC = range(6)  # of the parameters
 TRACE = (
     "lddc",
@@ -70,10 +70,10 @@ def step(
     obstacle's.
     """
     thresholds, ddcfc, vfc = part(parameters, THRESHOLDS), part(parameters, DDCFC), part(parameters, VFC)
-    before, now = part(state, BEFORE).reshape(-1, 2), part(state, NOW).reshape(-1, 2)
+    outline, points = part(state, OUTLINE).reshape(-1, 4), part(state, POINTS).reshape(-1, 2)
     obstacles, factors = part(state, OBSTACLES).reshape(-1, 5), part(state, FACTORS)
     mounts, reach_m = part(parameters, MOUNTS).reshape(-1, 6), part(parameters, REACH)[0]
-    hits = scan(mounts, ranges_m, pose, thresholds[1], reach_m, before, now, obstacles)
+    hits = scan(mounts, ranges_m, pose, thresholds[4], thresholds[1], reach_m, outline, points, obstacles)
     situation, strengths = part(state, SITUATION), part(state, STRENGTHS)
     dangers = situation[1:]
     dangers[:] = 0.0
@@ -81,9 +81,9 @@ def step(
     add_dangers(dangers, ddcfc, thresholds, pose, speed[0], discs, factors)
     situation[0] = azimuth(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))
     trace[:3], trace[3] = dangers, situation[0]
-    if infer(vfc, situation, trace[8:]) >= 0:
+    if fire(vfc, situation, strengths) >= 0:
         return math.nan, math.nan
-    fire(vfc, situation, strengths)
+    conclude(vfc, strengths, trace[8:])
     trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
     return trace[8], -trace[9]  # psi' = -w, see lei2014
 
@@ -131,11 +131,11 @@ class DualLayer(CompiledController):
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode with no scan remembered; nothing here is left to chance."""
         mounts, period_s = by_bearing(setup.sensors), setup.period_s
-        outline, reach_m = np.full((len(mounts), 2), np.nan), self._obstacle_speed_max_mps * period_s
         thresholds = (setup.robot.radius_m, period_s, *self._thresholds)
-        behaviors = [BEHAVIORS.index(rule.behavior) for rule in self.rules]
+        reach_m, behaviors = self._obstacle_speed_max_mps * period_s, [BEHAVIORS.index(r.behavior) for r in self.rules]
+        room = [np.zeros(size) for size in (2 * len(mounts), 5 * len(mounts), 3, 4, len(behaviors))]
         parameters = pack(mounts, reach_m, thresholds, behaviors, self.ddcfc.base, self.vfc.base)
-        state = pack(outline, outline, np.zeros((len(mounts), 5)), np.zeros(3), np.zeros(4), np.zeros(len(behaviors)))
+        state = pack(np.full((len(mounts), 4), np.nan), *room)
         self.policy = Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
 
     def describe(self) -> dict[str, Columns]:
