@@ -102,11 +102,6 @@ class Command(NamedTuple):
     v_mps: float
     w_radps: float
 
-    @classmethod
-    def from_wheels(cls, left_mps: float, right_mps: float, track_m: float) -> "Command":
-        """Return the command that turns the two wheels at these speeds [m/s] on a robot with this track [m]."""
-        return cls(0.5 * (left_mps + right_mps), (right_mps - left_mps) / track_m)
-
 
 @runtime_checkable
 class Controller(Protocol):
@@ -131,3 +126,14 @@ def trace_of(controller: Controller) -> Mapping[str, float]:
     """Return the controller's trace of its latest act, empty for a controller that offers none."""
     trace: Mapping[str, float] = getattr(controller, "trace", {})
     return trace
+
+
+def check_roles(setup: Setup, needed: tuple[str, ...]) -> None:
+    """Check that the ring's sensors are those that a controller needs, in order.
+
+    Raises:
+        ValueError: they are not.
+    """
+    roles = tuple(sensor.role for sensor in setup.sensors)
+    if roles != needed:
+        raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(needed)}")

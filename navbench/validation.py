@@ -1,14 +1,16 @@
 """What every description (world, robot, sensors, simulator) shares: its strictness, its number types, its errors."""
 
+import inspect
 import re
 import reprlib
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from difflib import get_close_matches
 from functools import cache, wraps
 from typing import Annotated, Any, ParamSpec, TypeVar, cast, get_args, get_type_hints
 
 from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
+from pydantic_core import ArgsKwargs
 
 STRICT = ConfigDict(extra="forbid")
 
@@ -61,22 +63,27 @@ def describe(kind: type[T], values: Mapping[str, Any], key: str) -> T:
         made: T = _adapter(cast(Hashable, kind)).validate_python(dict(values))
         return made
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        first = next((one for one in errors if one["type"] == "unexpected_keyword_argument"), errors[0])
-        loc = first["loc"]
-        path = key + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
-        if first["type"] == "unexpected_keyword_argument":
-            known = [field.name for field in fields(_kind_at(kind, loc[:-1]))]
-            raise DescriptionError(f"{path}: unknown key; {instead(loc[-1], known, HERE)}") from None
-        if first["type"] in ("missing", "missing_argument"):
-            raise DescriptionError(f"{path}: missing; a value is needed") from None
-        if first["type"] == "value_error":
-            said = str(first["ctx"]["error"])
-            inside = re.match(r"[a-z_]+(\[\d+\])?(\.\w+)*: ", said)
-            raise DescriptionError(f"{path}.{said}" if inside else f"{path}: {said}") from None
-        allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be").replace("a valid ", "a ")
-        allowed = re.sub(r"a dictionary( or an instance of \w+)?", "a mapping", allowed)
-        raise DescriptionError(f"{path}={reprlib.repr(first['input'])}: {allowed}") from None
+        raise DescriptionError(_complaint(error, kind, key)) from None
+
+
+def checked(key: str) -> Callable[[Callable[Given, None]], Callable[Given, None]]:
+    """Return what lets a constructor check its arguments against their types; errors as of ``describe``.
+
+    Args:
+        key: what the arguments are called in the configuration, such as "build", for the error message.
+    """
+
+    def checking(init: Callable[Given, None]) -> Callable[Given, None]:
+        @wraps(init)
+        def checks(*args: Given.args, **kwargs: Given.kwargs) -> None:
+            try:
+                _adapter(init).validate_python(ArgsKwargs(args, kwargs))
+            except ValidationError as error:
+                raise DescriptionError(_complaint(error, init, key)) from None
+
+        return checks
+
+    return checking
 
 
 def remembered(build: Callable[Given, T]) -> Callable[Given, T]:
@@ -108,6 +115,26 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
+def _complaint(error: ValidationError, kind: Any, key: str) -> str:
+    """Return one line on the first thing that is wrong with what should make a description."""
+    errors = error.errors(include_url=False)
+    first = next((one for one in errors if one["type"] == "unexpected_keyword_argument"), errors[0])
+    loc = first["loc"]
+    path = key + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+    if first["type"] == "unexpected_keyword_argument":
+        known = [name for name in inspect.signature(_kind_at(kind, loc[:-1])).parameters if name != "self"]
+        return f"{path}: unknown key; {instead(loc[-1], known, HERE)}"
+    if first["type"].startswith("missing"):
+        return f"{path}: missing; a value is needed"
+    if first["type"] == "value_error":
+        said = str(first["ctx"]["error"])
+        inside = re.match(r"[a-z_]+(\[\d+\])?(\.\w+)*: ", said)
+        return f"{path}.{said}" if inside else f"{path}: {said}"
+    allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be")
+    allowed = re.sub(r"a dictionary or an instance of \w+", "a mapping", allowed).replace("a valid ", "a ")
+    return f"{path}={reprlib.repr(first['input'])}: {allowed}"
+
+
 def _kind_at(kind: Any, loc: tuple[int | str, ...]) -> Any:
     """Return the dataclass that stands at a place inside another one."""
     for part in loc:
@@ -115,6 +142,4 @@ def _kind_at(kind: Any, loc: tuple[int | str, ...]) -> Any:
             continue
         hint = get_type_hints(kind)[part]
         kind = next((inner for inner in (hint, *get_args(hint)) if is_dataclass(inner)), hint)
-    if not is_dataclass(kind):
-        raise TypeError(f"no description stands at {loc}")
     return kind

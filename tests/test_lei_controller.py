@@ -13,7 +13,7 @@ from navbench.contract import Body, Observation, Pose, RangeSensor, Setup
 from navbench.controllers.lei2014 import danger as lei2014
 from navbench.controllers.lei2014.danger import ASIDE, FRONT, LEFT, RIGHT
 from navbench.controllers.lei2014.dual_layer import TRACE, DualLayer
-from navbench.controllers.lei2014.hits import Hits
+from navbench.controllers.lei2014.hits import by_bearing, scan
 from navbench.controllers.lei2014.rules import (
     AZIMUTHS,
     BEHAVIORS,
@@ -404,7 +404,7 @@ def test_a_mirrored_sight_gives_a_mirrored_command_unless_an_odd_rule_fires(vari
         look = scatter(seed)
         goal_x, goal_y = look.goal
         flipped = look._replace(
-            goal=(goal_x, -goal_y), ranges_m=look.ranges_m[::-1], discs=look.discs * np.array([1, -1, 1, 1, -1])
+            goal=(goal_x, -goal_y), ranges_m=look.ranges_m[::-1].copy(), discs=look.discs * np.array([1, -1, 1, 1, -1])
         )
         command, other = here.act(look), there.act(flipped)
         assert here.trace["lddc"] == pytest.approx(there.trace["rddc"])
@@ -427,12 +427,24 @@ def test_commands_stay_within_the_largest_speed_and_turning_rate() -> None:
 # ---- the ring ----
 
 
+class Ring:
+    """A ring with its scan before, for ``scan``."""
+
+    def __init__(self, sensors: tuple[RangeSensor, ...] = RINGED.sensors) -> None:
+        self.mounts, count = by_bearing(sensors), len(sensors)
+        self.outline, self.points = np.full((count, 4), np.nan), np.zeros((count, 2))
+
+    def __call__(self, ranges_m: Any, pose: tuple[float, float, float]) -> Any:
+        obstacles = np.zeros((len(self.mounts), 5))
+        arrays = (self.outline, self.points, obstacles)
+        hits = scan(self.mounts, ranges_m, pose, math.pi, PERIOD_S, 0.22 * PERIOD_S, *arrays)
+        return obstacles[:hits]
+
+
 def hits_of(
-    ranges: dict[float, float], pose: tuple[float, float, float] = (0.0, 0.0, 0.0), hits: Hits | None = None
+    ranges: dict[float, float], pose: tuple[float, float, float] = (0.0, 0.0, 0.0), ring: Ring | None = None
 ) -> Any:
-    hits = hits or Hits(a_ring(BEARINGS), PERIOD_S, 0.22)
-    found = hits(np.array([ranges.get(angle, FAR_M) for angle in BEARINGS]), pose)
-    return found.copy()
+    return (ring or Ring())(np.array([ranges.get(angle, FAR_M) for angle in BEARINGS]), pose)
 
 
 def wall_ranges(x_m: float, pose: tuple[float, float, float]) -> dict[float, float]:
@@ -464,9 +476,9 @@ def test_a_point_before_the_robot_is_as_dangerous_as_its_distance() -> None:
 
 
 def test_a_wall_stands_still_however_the_robot_moves() -> None:
-    hits = Hits(a_ring(BEARINGS), PERIOD_S, 0.22)
+    ring = Ring()
     for pose in ((0.0, 0.0, 0.0), (0.2, 0.1, 0.9), (0.3, 0.0, -0.7), (0.3, -0.2, 0.1)):
-        seen = hits_of(wall_ranges(2.0, pose), pose, hits)
+        seen = hits_of(wall_ranges(2.0, pose), pose, ring)
         inner = np.abs(seen[:, 1]) < 1.5  # beyond the ends of what was seen before, a hit lies off the outline
         assert inner.sum() > 5
         assert seen[inner, 3:] == pytest.approx(0.0, abs=1e-12)
@@ -474,30 +486,27 @@ def test_a_wall_stands_still_however_the_robot_moves() -> None:
 
 @pytest.mark.parametrize("speed", [0.1, -0.1])
 def test_a_wall_that_moves_is_as_fast_as_it_is(speed: float) -> None:
-    hits = Hits(a_ring(BEARINGS), PERIOD_S, 0.22)
-    hits_of(wall_ranges(2.0, (0.0, 0.0, 0.0)), hits=hits)
+    ring = Ring()
+    hits_of(wall_ranges(2.0, (0.0, 0.0, 0.0)), ring=ring)
     pose = (0.1, 0.0, 0.05)
-    seen = hits_of(wall_ranges(2.0 + speed * PERIOD_S, pose), pose, hits)
+    seen = hits_of(wall_ranges(2.0 + speed * PERIOD_S, pose), pose, ring)
     inner = np.abs(seen[:, 1]) < 1.5
     assert seen[inner, 3] == pytest.approx(speed)
     assert seen[inner, 4] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_what_appears_where_nothing_was_stands_still() -> None:
-    hits = Hits(a_ring(BEARINGS), PERIOD_S, 0.22)
-    hits_of({0.0: 3.0}, hits=hits)
-    assert hits_of({0.0: 2.5}, hits=hits)[0, 3:].tolist() == [0.0, 0.0]  # 0.25 m/s: too fast to be the same
-    assert hits_of({0.0: 2.1}, hits=hits)[0, 3] == pytest.approx(-0.2)
-    hits_of({}, hits=hits)
-    assert hits_of({0.0: 2.0}, hits=hits)[0, 3:].tolist() == [0.0, 0.0]
+    ring = Ring()
+    hits_of({0.0: 3.0}, ring=ring)
+    assert hits_of({0.0: 2.5}, ring=ring)[0, 3:].tolist() == [0.0, 0.0]  # 0.25 m/s: too fast to be the same
+    assert hits_of({0.0: 2.1}, ring=ring)[0, 3] == pytest.approx(-0.2)
+    hits_of({}, ring=ring)
+    assert hits_of({0.0: 2.0}, ring=ring)[0, 3:].tolist() == [0.0, 0.0]
 
 
 def test_the_order_of_the_mounts_does_not_matter() -> None:
     shuffled = np.random.default_rng(1).permutation(len(BEARINGS))
-    plain, other = (
-        Hits(RINGED.sensors, PERIOD_S, 0.22),
-        Hits(tuple(RINGED.sensors[i] for i in shuffled), PERIOD_S, 0.22),
-    )
+    plain, other = Ring(), Ring(tuple(RINGED.sensors[i] for i in shuffled))
     for x_m in (2.0, 1.9):
         ranges = wall_ranges(x_m, (0.0, 0.0, 0.0))
         readings = np.array([ranges.get(angle, FAR_M) for angle in BEARINGS])

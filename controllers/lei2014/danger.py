@@ -39,8 +39,6 @@ the mean of the concluded sets' peaks, weighted by the rules' strengths. With th
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
 from navbench.fuzzy.inference import FuzzyInference, Variable, infer, rules_from_table
@@ -104,39 +102,48 @@ def sector(theta_obs: float, front_rad: float, side_rad: float) -> int:
 
 
 @compiled
-def directional_danger(
+def add_dangers(
+    largest: FloatArray,
     ddcfc: FloatArray,
-    thresholds: tuple[float, float, float, float, float],
-    velocity_aware: bool,
+    thresholds: FloatArray,
     pose: tuple[float, float, float],
     v_mps: float,
     obstacles: FloatArray,
-) -> tuple[float, float, float]:
-    """Return LDDC, FDDC and RDDC: the largest danger degree of the obstacles in each sector, 0 in an empty one.
+    work: FloatArray,
+) -> None:
+    """Raise LDDC, FDDC and RDDC to the largest danger degree of some obstacles in each sector.
 
     Args:
+        largest: (3,) LDDC, FDDC and RDDC, 0 before the first obstacle; written.
         ddcfc: ``FuzzyInference.base`` of ``danger_controller``.
-        thresholds: R_rob [m], T [s], D_s [m], and how far the front and the sides reach [rad].
-        velocity_aware: False: the collision time counts as infinite.
+        thresholds: R_rob [m], T [s], D_s [m], how far the front and the sides reach [rad]; and 1, or 0 if the collision
+            time counts as infinite.
         pose: the robot's x [m], y [m] and heading [rad].
         v_mps: its speed [m/s].
         obstacles: (n, 5) x, y, radius [m], vx, vy [m/s], in the frame of ``pose``.
+        work: (3,) is written.
     """
-    r_rob, period_s, d_s, front_rad, side_rad = thresholds
+    r_rob, period_s, d_s, front_rad, side_rad = (
+        thresholds[0],
+        thresholds[1],
+        thresholds[2],
+        thresholds[3],
+        thresholds[4],
+    )
     x, y, psi = pose
-    largest = np.zeros(4)
-    factors, ddc = np.empty(2), np.empty(1)
+    robot_vx, robot_vy = v_mps * math.cos(psi), v_mps * math.sin(psi)
     for k in range(obstacles.shape[0]):
         dx, dy = obstacles[k, 0] - x, obstacles[k, 1] - y
-        vx, vy = obstacles[k, 3] - v_mps * math.cos(psi), obstacles[k, 4] - v_mps * math.sin(psi)
-        free_m = free_distance(math.hypot(dx, dy), r_rob, obstacles[k, 2])
-        closing = velocity_aware and dx * vx + dy * vy < 0.0
-        factors[0] = distance_factor(free_m, d_s)
-        factors[1] = time_factor(collision_time(free_m, math.hypot(vx, vy), closing), period_s)
-        infer(ddcfc, factors, ddc)  # eq. (8)
         where = sector(azimuth(psi, math.atan2(dy, dx)), front_rad, side_rad)
-        largest[where] = max(largest[where], ddc[0])  # definition 7
-    return largest[LEFT], largest[FRONT], largest[RIGHT]
+        if where == ASIDE:
+            continue
+        vx, vy = obstacles[k, 3] - robot_vx, obstacles[k, 4] - robot_vy
+        free_m = free_distance(math.hypot(dx, dy), r_rob, obstacles[k, 2])
+        closing = thresholds[5] > 0.0 and dx * vx + dy * vy < 0.0
+        work[0] = distance_factor(free_m, d_s)
+        work[1] = time_factor(collision_time(free_m, math.hypot(vx, vy), closing), period_s)
+        infer(ddcfc, work, work[2:])  # eq. (8)
+        largest[where] = max(largest[where], work[2])  # definition 7
 
 
 def danger_controller(

@@ -21,21 +21,24 @@ the other on the side to which it would turn, hold each other off and drive on t
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic.dataclasses import dataclass
 
-from navbench.contract import Command, Observation, Setup
-from navbench.fuzzy.inference import FuzzyInference, memberships
-from navbench.validation import STRICT, Flag, Positive, describe, remembered
+from navbench.contract import FloatArray, Setup
+from navbench.fuzzy.describing import Columns, columns, membership_corners
+from navbench.fuzzy.inference import FuzzyInference, conclude, fire
+from navbench.policy import CompiledController, Policy, compiled, pack, part
+from navbench.validation import Flag, Positive, checked, describe, remembered
 
-from .danger import azimuth, danger_controller, directional_danger
-from .hits import Hits
+from .danger import add_dangers, azimuth, danger_controller
+from .hits import by_bearing, scan
 from .rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
 from .sets import FuzzySets, velocity_controller
 
+OUTLINE, POINTS, OBSTACLES, FACTORS, SITUATION, STRENGTHS = range(6)  # parts of the state
+MOUNTS, REACH, THRESHOLDS, BEHAVIOR, DDCFC, VFC = range(6)  # of the parameters
 TRACE = (
     "lddc",
     "fddc",
@@ -50,19 +53,42 @@ TRACE = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Parameters:
-    """What the controller may be told beside its fuzzy sets; ``DualLayer`` says what each is."""
+@compiled
+def step(
+    state: FloatArray,
+    parameters: FloatArray,
+    ranges_m: FloatArray,
+    discs: FloatArray,
+    pose: tuple[float, float, float],
+    goal: tuple[float, float],
+    speed: tuple[float, float],
+    trace: FloatArray,
+) -> tuple[float, float]:
+    """Return speed and turning rate for what is dangerous where, and for where the target is.
 
-    rules: Variant
-    velocity_aware: Flag
-    speed_max_mps: Positive
-    turn_max_radps: Positive
-    safety_distance_m: Positive
-    obstacle_speed_max_mps: Positive
+    A step of ``navbench.policy``; the state is the ring's last outline and room to work in, and NaN a goal's or an
+    obstacle's.
+    """
+    thresholds, ddcfc, vfc = part(parameters, THRESHOLDS), part(parameters, DDCFC), part(parameters, VFC)
+    outline, points = part(state, OUTLINE).reshape(-1, 4), part(state, POINTS).reshape(-1, 2)
+    obstacles, factors = part(state, OBSTACLES).reshape(-1, 5), part(state, FACTORS)
+    mounts, reach_m = part(parameters, MOUNTS).reshape(-1, 6), part(parameters, REACH)[0]
+    hits = scan(mounts, ranges_m, pose, thresholds[4], thresholds[1], reach_m, outline, points, obstacles)
+    situation, strengths = part(state, SITUATION), part(state, STRENGTHS)
+    dangers = situation[1:]
+    dangers[:] = 0.0
+    add_dangers(dangers, ddcfc, thresholds, pose, speed[0], obstacles[:hits], factors)
+    add_dangers(dangers, ddcfc, thresholds, pose, speed[0], discs, factors)
+    situation[0] = azimuth(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))
+    trace[:3], trace[3] = dangers, situation[0]
+    if fire(vfc, situation, strengths) >= 0:
+        return math.nan, math.nan
+    conclude(vfc, strengths, trace[8:])
+    trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
+    return trace[8], -trace[9]  # psi' = -w, see lei2014
 
 
-class DualLayer:
+class DualLayer(CompiledController):
     """The two fuzzy controllers, one behind the other.
 
     Attributes:
@@ -71,15 +97,16 @@ class DualLayer:
         vfc: the second: theta_tar [rad], LDDC, FDDC, RDDC to v [m/s] and w, positive to the right [rad/s].
     """
 
+    @checked("build")
     def __init__(
         self,
         *,
         rules: Variant,
-        velocity_aware: bool,
-        speed_max_mps: float,
-        turn_max_radps: float,
-        safety_distance_m: float,
-        obstacle_speed_max_mps: float,
+        velocity_aware: Flag,
+        speed_max_mps: Positive,
+        turn_max_radps: Positive,
+        safety_distance_m: Positive,
+        obstacle_speed_max_mps: Positive,
         sets: Mapping[str, Any],
     ) -> None:
         """Check the parameters and build both layers.
@@ -96,82 +123,39 @@ class DualLayer:
         Raises:
             ValueError: a parameter is unknown, missing or out of range.
         """
-        given = {
-            "rules": rules,
-            "velocity_aware": velocity_aware,
-            "speed_max_mps": speed_max_mps,
-            "turn_max_radps": turn_max_radps,
-            "safety_distance_m": safety_distance_m,
-            "obstacle_speed_max_mps": obstacle_speed_max_mps,
-        }
-        self._parameters = describe(Parameters, given, "build")
         self.rules = rule_base(rules)
-        self._sets, self.ddcfc, self.vfc = _layers(rules, speed_max_mps, turn_max_radps, sets)
-        self._behaviors = np.array([BEHAVIORS.index(rule.behavior) for rule in self.rules])
+        checked_sets, self.ddcfc, self.vfc = _layers(rules, speed_max_mps, turn_max_radps, sets)
+        self._obstacle_speed_max_mps = obstacle_speed_max_mps
+        self._thresholds = (safety_distance_m, checked_sets.front_rad, checked_sets.side_rad, velocity_aware)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode with no scan remembered; nothing here is left to chance."""
-        given, sets = self._parameters, self._sets
-        self._thresholds = (
-            setup.robot.radius_m,
-            setup.period_s,
-            given.safety_distance_m,
-            sets.front_rad,
-            sets.side_rad,
-        )
-        self._hits = Hits(setup.sensors, setup.period_s, given.obstacle_speed_max_mps)
-        self._latest = dict.fromkeys(TRACE, 0.0)
+        mounts, period_s = by_bearing(setup.sensors), setup.period_s
+        thresholds = (setup.robot.radius_m, period_s, *self._thresholds)
+        reach_m, behaviors = self._obstacle_speed_max_mps * period_s, [BEHAVIORS.index(r.behavior) for r in self.rules]
+        room = [np.zeros(size) for size in (2 * len(mounts), 5 * len(mounts), 3, 4, len(behaviors))]
+        parameters = pack(mounts, reach_m, thresholds, behaviors, self.ddcfc.base, self.vfc.base)
+        state = pack(np.full((len(mounts), 4), np.nan), *room)
+        self.policy = Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
 
-    def act(self, observation: Observation) -> Command:
-        """Return speed and turning rate for what is dangerous where, and for where the target is."""
-        x, y, psi = observation.pose
-        pose = (x, y, psi)
-        hits, discs = self._hits(observation.ranges_m, pose), observation.discs
-        obstacles = np.concatenate([hits, discs]) if len(discs) else hits
-        dangers = directional_danger(
-            self.ddcfc.base,
-            self._thresholds,
-            self._parameters.velocity_aware,
-            pose,
-            observation.v_mps,
-            obstacles,
-        )
-        theta_tar = azimuth(psi, math.atan2(observation.goal[1] - y, observation.goal[0] - x))
-        v, w = self.vfc(theta_tar, *dangers)
-        strongest = strongest_of_each(self.vfc.strengths(theta_tar, *dangers), self._behaviors)
-        behavior = max(range(len(BEHAVIORS)), key=lambda i: (strongest[i], i))  # of equal ones the one with priority
-        self._latest = dict(zip(TRACE, (*dangers, theta_tar, float(behavior), *strongest, v, w), strict=True))
-        return Command(v, -w)  # psi' = -w, see lei2014
-
-    @property
-    def trace(self) -> dict[str, float]:
-        """What ``TRACE`` names, at the latest act."""
-        return self._latest
-
-    def describe(self) -> dict[str, dict[str, list[Any]]]:
+    def describe(self) -> dict[str, Columns]:
         """Return named tables for a report.
 
         ``memberships`` (Figs 3 and 5, a set by its corners), ``danger_rules`` (Table 1), ``rules``, ``behaviors`` (how
         many rules start each behaviour, how many are left to it, and to which others the rest goes), ``danger`` (DDC
         over both factors) and ``complexity`` (how many rules there are, and would be in one layer).
         """
-        corners = [
-            (name, term, x, float(memberships(variable, x)[i, 0]))
-            for layer in (self.ddcfc, self.vfc)
-            for name, variable in {**layer.inputs, **layer.outputs}.items()
-            for i, (term, fuzzy_set) in enumerate(variable.terms.items())
-            for x in sorted(set(fuzzy_set.corners))
-        ]
         eta_d, eta_t = (np.linspace(variable.low, variable.high, 49) for variable in self.ddcfc.inputs.values())
         ddc = self.ddcfc.surface(eta_d, eta_t)
         surface = [(d, t, ddc[i, j, 0]) for i, d in enumerate(eta_d) for j, t in enumerate(eta_t)]
+        first = {**self.ddcfc.inputs, **self.ddcfc.outputs}
         return {
-            "memberships": _columns(("variable", "term", "x", "degree"), corners),
-            "danger_rules": _columns(("eta_d", "eta_t", "DDC"), self.ddcfc.rules),
-            "rules": _columns(("theta_tar", "LDDC", "FDDC", "RDDC", "behavior", "v", "w"), self.rules),
-            "behaviors": _columns(("behavior", "started", "left_to_AO", "left_to_FO", "executed"), self._counts()),
-            "danger": _columns(("eta_d", "eta_t", "DDC"), [tuple(map(float, row)) for row in surface]),
-            "complexity": _columns(("structure", "inputs", "rules"), self._complexity()),
+            "memberships": membership_corners({**first, **self.vfc.inputs, **self.vfc.outputs}),
+            "danger_rules": columns(("eta_d", "eta_t", "DDC"), self.ddcfc.rules),
+            "rules": columns(("theta_tar", "LDDC", "FDDC", "RDDC", "behavior", "v", "w"), self.rules),
+            "behaviors": columns(("behavior", "started", "left_to_AO", "left_to_FO", "executed"), self._counts()),
+            "danger": columns(("eta_d", "eta_t", "DDC"), [tuple(map(float, row)) for row in surface]),
+            "complexity": columns(("structure", "inputs", "rules"), self._complexity()),
         }
 
     def _counts(self) -> list[tuple[str, int, int, int, int]]:
@@ -206,7 +190,3 @@ def _layers(
     checked = describe(FuzzySets, sets, "sets")
     ddcfc = danger_controller(checked.eta_d_peaks, checked.eta_t_peaks, checked.danger_peaks)
     return checked, ddcfc, velocity_controller(checked, rule_base(rules), speed_max_mps, turn_max_radps)
-
-
-def _columns(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, list[Any]]:
-    return {name: [row[i] for row in rows] for i, name in enumerate(names)}

@@ -15,88 +15,105 @@ import numpy as np
 from navbench.compiled import compiled
 from navbench.contract import FloatArray, RangeSensor
 
+from .danger import azimuth
+
+ROUNDING_M = 1e-9  # more than rounding can bring nearer
+
 
 @compiled
-def displacement(x: float, y: float, before: FloatArray) -> tuple[float, float]:
-    """Return the shortest way to a point from an outline [m], infinite where there is none.
+def displacement(x: float, y: float, outline: FloatArray, reach_m: float) -> tuple[float, float]:
+    """Return the shortest way to a point from an outline [m], 0 where none is within reach.
 
     Args:
         x: the point's x [m].
         y: the point's y [m].
-        before: (n, 2) the outline's points in order, nan where it is broken [m].
+        outline: (n, 4) as of ``join``.
+        reach_m: how long the way may be [m].
     """
-    best, best_x, best_y = math.inf, math.inf, math.inf
-    for i in range(before.shape[0]):
-        if math.isnan(before[i, 0]):
+    best, best_x, best_y = math.inf, 0.0, 0.0
+    for i in range(outline.shape[0]):
+        px, py, ux, uy = x - outline[i, 0], y - outline[i, 1], outline[i, 2], outline[i, 3]
+        if math.isnan(px):
+            break
+        near = min(best, reach_m) + ROUNDING_M
+        if px < min(ux, 0.0) - near or px > max(ux, 0.0) + near:
             continue
-        ax, ay = before[i, 0], before[i, 1]
-        ux, uy = 0.0, 0.0
-        if i + 1 < before.shape[0] and not math.isnan(before[i + 1, 0]):
-            ux, uy = before[i + 1, 0] - ax, before[i + 1, 1] - ay
+        if py < min(uy, 0.0) - near or py > max(uy, 0.0) + near:
+            continue
         length2 = ux * ux + uy * uy
-        along = 0.0 if length2 == 0.0 else min(max(((x - ax) * ux + (y - ay) * uy) / length2, 0.0), 1.0)
-        dx, dy = x - ax - along * ux, y - ay - along * uy
+        along = 0.0 if length2 == 0.0 else min(max((px * ux + py * uy) / length2, 0.0), 1.0)
+        dx, dy = px - along * ux, py - along * uy
         if math.hypot(dx, dy) < best:
             best, best_x, best_y = math.hypot(dx, dy), dx, dy
-    return best_x, best_y
+    return (best_x, best_y) if best <= reach_m else (0.0, 0.0)
 
 
 @compiled
 def scan(
-    mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float], period_s: float, reach_m: float,
-    before: FloatArray, obstacles: FloatArray,
+    mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float], side_rad: float, period_s: float,
+    reach_m: float, outline: FloatArray, points: FloatArray, obstacles: FloatArray,
 ) -> int:  # fmt: skip
-    """Write the hits as obstacles, remember them as the next outline, and return how many there are.
+    """Write the hits as obstacles, remember them as the next outline, and return how many obstacles there are.
 
     Args:
-        mounts: (n, 4) x [m], y [m], heading [rad] and largest reading [m] of each sensor, in the order of bearings.
-        ranges_m: (n,) readings in that order [m].
+        mounts: (n, 6) as ``by_bearing`` returns them.
+        ranges_m: (n,) readings, in the order of the sensors [m].
         pose: the robot's x [m], y [m] and heading [rad].
+        side_rad: a hit further aside is no obstacle [rad].
         period_s: time since the scan before [s].
-        reach_m: how far an obstacle may have moved in it [m].
-        before: (n, 2) the outline; read, then written.
+        reach_m: how far an obstacle may have moved in it [m]; what has moved further is new, and stands still.
+        outline: (n, 4) as of ``join``; read, then written.
+        points: (n, 2) is written.
         obstacles: (n, 5) x, y, radius [m], vx, vy [m/s]; the first rows are written.
     """
     x, y, psi = pose
     c, s = math.cos(psi), math.sin(psi)
-    now = np.full(before.shape, np.nan)
     count = 0
     for i in range(mounts.shape[0]):
-        if ranges_m[i] >= mounts[i, 3]:
+        range_m = ranges_m[int(mounts[i, 5])]
+        if range_m >= mounts[i, 4]:
+            points[i, 0] = math.nan
             continue
-        ahead = mounts[i, 0] + ranges_m[i] * math.cos(mounts[i, 2])
-        left = mounts[i, 1] + ranges_m[i] * math.sin(mounts[i, 2])
-        now[i, 0], now[i, 1] = x + c * ahead - s * left, y + s * ahead + c * left
-        dx, dy = displacement(now[i, 0], now[i, 1], before)
-        if math.hypot(dx, dy) > reach_m:
-            dx, dy = 0.0, 0.0
-        obstacles[count] = now[i, 0], now[i, 1], 0.0, dx / period_s, dy / period_s
+        ahead, left = mounts[i, 0] + range_m * mounts[i, 2], mounts[i, 1] + range_m * mounts[i, 3]
+        hit_x, hit_y = x + c * ahead - s * left, y + s * ahead + c * left
+        points[i] = hit_x, hit_y
+        if abs(azimuth(psi, math.atan2(hit_y - y, hit_x - x))) > side_rad:
+            continue
+        dx, dy = displacement(hit_x, hit_y, outline, reach_m)
+        obstacles[count] = hit_x, hit_y, 0.0, dx / period_s, dy / period_s
         count += 1
-    before[:] = now
+    join(points, outline)
     return count
 
 
-class Hits:
-    """The ring's hits as obstacles, and the scan that it remembers.
+@compiled
+def join(points: FloatArray, outline: FloatArray) -> None:
+    """Write the outline that some points draw, in the order of their bearings.
 
     Args:
-        sensors: the ring's sensors, in the order of the readings.
-        period_s: time between two scans [s].
-        speed_max_mps: how fast an obstacle may move [m/s].
+        points: (n, 2) x and y [m], x nan where there is none.
+        outline: (n, 4) x and y of each point, and the way to its neighbour, 0 without one; then nan [m]; is written.
     """
+    count = 0
+    outline[:, 0] = math.nan
+    for i in range(points.shape[0]):
+        if not math.isnan(points[i, 0]):
+            ux, uy = 0.0, 0.0
+            if i + 1 < points.shape[0] and not math.isnan(points[i + 1, 0]):
+                ux, uy = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
+            outline[count] = points[i, 0], points[i, 1], ux, uy
+            count += 1
 
-    def __init__(self, sensors: tuple[RangeSensor, ...], period_s: float, speed_max_mps: float) -> None:
-        rows = [(sensor.x_m, sensor.y_m, sensor.heading_rad, sensor.max_range_m) for sensor in sensors]
-        mounts = np.array(rows, dtype=np.float64).reshape(-1, 4)
-        self._order = np.argsort(np.arctan2(np.sin(mounts[:, 2]), np.cos(mounts[:, 2])), kind="stable")
-        self._mounts = mounts[self._order]
-        self._period_s, self._reach_m = period_s, speed_max_mps * period_s
-        self._before = np.full((len(mounts), 2), np.nan)
-        self._obstacles = np.empty((len(mounts), 5))
 
-    def __call__(self, ranges_m: FloatArray, pose: tuple[float, float, float]) -> FloatArray:
-        """Return the hits of the readings [m] taken at a pose as (n_hits, 5) x, y, radius [m], vx, vy [m/s]."""
-        count = scan(
-            self._mounts, ranges_m[self._order], pose, self._period_s, self._reach_m, self._before, self._obstacles
-        )
-        return self._obstacles[:count]
+def by_bearing(sensors: tuple[RangeSensor, ...]) -> FloatArray:
+    """Return a ring in the order of its bearings, for ``scan``.
+
+    Returns:
+        (n, 6) x [m], y [m], cosine and sine of the heading, largest reading [m], place among the readings.
+    """
+    bearings = [math.atan2(math.sin(sensor.heading_rad), math.cos(sensor.heading_rad)) for sensor in sensors]
+    rows = [
+        (sensor.x_m, sensor.y_m, math.cos(sensor.heading_rad), math.sin(sensor.heading_rad), sensor.max_range_m, i)
+        for i, sensor in sorted(enumerate(sensors), key=lambda numbered: bearings[numbered[0]])
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)

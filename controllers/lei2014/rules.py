@@ -34,9 +34,6 @@ import itertools
 from functools import cache
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
 
@@ -135,17 +132,23 @@ def rule_base(variant: Variant) -> tuple[Rule, ...]:
 
 
 @compiled
-def strongest_of_each(strengths: FloatArray, behaviors: NDArray[np.int64]) -> tuple[float, float, float]:
-    """Return the strength of the strongest rule of each of ``BEHAVIORS``.
+def strongest_of_each(strengths: FloatArray, behaviors: FloatArray, strongest: FloatArray) -> int:
+    """Write how strong each behaviour's strongest rule is, and return the strongest; of equal ones that with priority.
 
     Args:
         strengths: (81,) of the rules.
         behaviors: (81,) whose rule each is, by its number in ``BEHAVIORS``.
+        strongest: (3,) is written.
     """
-    strongest = np.zeros(3)
+    strongest[:] = 0.0
     for i in range(strengths.size):
-        strongest[behaviors[i]] = max(strongest[behaviors[i]], strengths[i])
-    return strongest[0], strongest[1], strongest[2]
+        own = int(behaviors[i])
+        strongest[own] = max(strongest[own], strengths[i])
+    first = 0
+    for i in range(strongest.size):
+        if strongest[i] >= strongest[first]:
+            first = i
+    return first
 
 
 def worse(danger: str, other: str) -> bool:

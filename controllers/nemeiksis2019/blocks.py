@@ -13,12 +13,12 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
-from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
+from navbench.fuzzy.describing import Columns, columns, membership_corners
+from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, rules_from_table
 from navbench.validation import STRICT, Number, Positive, describe, remembered
 
 DISTANCES = ("C", "MD", "MF", "F")
@@ -83,18 +83,18 @@ TABLE_5: Table = {  # 4FB: mu down, d_destination (C, MD, MF, F) across
 
 
 @compiled
-def answer(block: FloatArray, inputs: tuple[float, ...]) -> float:
+def answer(block: FloatArray, inputs: tuple[float, ...], work: FloatArray) -> float:
     """Return what a block answers to its inputs, NaN if one is.
 
     Args:
-        block: one of ``FuzzyBlocks.bases``.
+        block: a block's ``FuzzyInference.base``.
         inputs: in the order of the block's variables.
+        work: (4,) is written.
     """
-    values, out = np.empty(len(inputs)), np.empty(1)
     for i in range(len(inputs)):
-        values[i] = inputs[i]
-    infer(block, values, out)
-    crisp: float = out[0]
+        work[i] = inputs[i]
+    infer(block, work, work[3:])
+    crisp: float = work[3]
     return crisp
 
 
@@ -155,7 +155,6 @@ class FuzzyBlocks:
         track_right: 2FB of a wall on the right, from d_s6 and d_s5 [m] to mu_2 [rad].
         approach: 3FB, from the destination's bearing [rad] to mu_3 [rad].
         speed: 4FB, from mu [rad] and d_destination [m] to the average speed as a share of V_max.
-        bases: ``FuzzyInference.base`` of the five, in this order.
     """
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
@@ -177,7 +176,6 @@ class FuzzyBlocks:
         self.approach = _block(TABLE_4, {"bearing": bearing}, {"mu_3": turn})
         distance, speed = _distance(peaks.destination_distance_m), _whole_triangles(peaks.speed_share)
         self.speed = _block(TABLE_5, {"mu": turn, "d_destination": distance}, {"V_avg": speed})
-        self.bases = tuple(block.base for block in self.by_name().values())
 
     def by_name(self) -> dict[str, FuzzyInference]:
         """Return the blocks by what the paper calls them, in the order of the class's docstring."""
@@ -189,20 +187,12 @@ class FuzzyBlocks:
             "4FB": self.speed,
         }
 
-    def describe(self) -> dict[str, dict[str, list[Any]]]:
+    def describe(self) -> dict[str, Columns]:
         """Return tables for a report: memberships (Figs 2, 3, 5, 6), the rules of each block, and their complexity.
 
         A variable that several blocks share is called after its first one: d_s4 for the readings of 1FB, d_s10 for
         those of 2FB, mu_1 for every turning angle.
         """
-        tables = {}
-        for name, block in self.by_name().items():
-            columns = (*block.inputs, *block.outputs)
-            rows = {column: [rule[i] for rule in block.rules] for i, column in enumerate(columns)}
-            tables[f"rules_{name.replace(', ', '_').lower()}"] = rows
-        return {"memberships": self._memberships(), **tables, "complexity": self.complexity()}
-
-    def _memberships(self) -> dict[str, list[Any]]:
         shown = {
             "d_s4": self.bypass.inputs["d_s4"],
             "d_s10": self.track_left.inputs["d_s10"],
@@ -211,15 +201,13 @@ class FuzzyBlocks:
             "d_destination": self.speed.inputs["d_destination"],
             "V_avg": self.speed.outputs["V_avg"],
         }
-        corners = [
-            (name, term, x, float(memberships(variable, x)[i, 0]))
-            for name, variable in shown.items()
-            for i, (term, fuzzy_set) in enumerate(variable.terms.items())
-            for x in sorted(set(fuzzy_set.corners))
-        ]
-        return {name: [row[i] for row in corners] for i, name in enumerate(("variable", "term", "x", "degree"))}
+        tables = {"memberships": membership_corners(shown)}
+        for name, block in self.by_name().items():
+            rules = columns((*block.inputs, *block.outputs), block.rules)
+            tables[f"rules_{name.replace(', ', '_').lower()}"] = rules
+        return {**tables, "complexity": self.complexity()}
 
-    def complexity(self) -> dict[str, list[Any]]:
+    def complexity(self) -> Columns:
         """Return how many inputs and rules the blocks have, and one flat rule base in their place would have.
 
         A complete flat rule base has a rule for each combination of its inputs' sets. The smaller of the two flat
@@ -246,8 +234,7 @@ class FuzzyBlocks:
         with_rear = sets | {f"d_s{sensor}": len(DISTANCES) for sensor in (7, 8, 9)}
         for name, flat in (("one flat block", sets), ("one flat block, with the rear", with_rear)):
             rows.append((name, len(flat), math.prod(flat.values()), 2 ** len(flat)))
-        names = ("block", "inputs", "rules", "fire_at_most")
-        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+        return columns(("block", "inputs", "rules", "fire_at_most"), rows)
 
 
 @remembered

@@ -40,20 +40,32 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic.dataclasses import dataclass
 
-from navbench.compiled import compiled
-from navbench.contract import Command, FloatArray, Observation, Setup
-from navbench.validation import STRICT, Flag, Positive, describe
+from navbench.contract import FloatArray, Setup, check_roles
+from navbench.fuzzy.describing import Columns
+from navbench.mathematics.kinematics import body_speed
+from navbench.policy import CompiledController, Policy, compiled, pack, part
+from navbench.validation import Flag, Positive, checked
 
 from .blocks import answer, fuzzy_blocks
-from .switch import FRONT, LEFT, SwitchUnit, describe_modes, describe_patterns, pattern_of
+from .switch import (
+    IN_FRONT,
+    LEFT,
+    NOBODY,
+    chosen,
+    describe_modes,
+    describe_patterns,
+    pattern_seen,
+    switch_unit,
+    tracked_side,
+)
 
 SENSOR_ROLES = tuple(f"s{i}" for i in range(1, 11))
+DETECT, AGENTS, SWITCH, DRIVE, BYPASS, TRACK_LEFT, TRACK_RIGHT, APPROACH, SPEED = range(9)  # parts of the parameters
 TRACE = (
-    "agent",
-    "pattern",
-    "side",
+    "agent",  # the active one: 0 destination, 1 obstacle, 2 wall
+    "pattern",  # bit k is set where the sensor of Table 1's column k sees something
+    "side",  # where the wall is that the wall agent tracks or would track: 1 left, -1 right
     "mu_1_rad",
     "mu_2_rad",
     "mu_3_rad",
@@ -87,73 +99,65 @@ def wheel_speeds(mu: float, v_avg: float, k: float, track: float) -> tuple[float
 
 
 @compiled
-def steered(
-    bases: tuple[FloatArray, ...],
-    ranges: FloatArray,
-    reads_rear: bool,
-    side: float,
-    agent: int,
-    bearing: float,
-    d_destination: float,
-    v_max: float,
-) -> tuple[float, float, float, float, float]:
-    """Return mu_1, mu_2, mu_3, the active agent's mu [rad] and V_avg [m/s], NaN where an input is.
+def step(
+    state: FloatArray,
+    parameters: FloatArray,
+    ranges_m: FloatArray,
+    discs: FloatArray,
+    pose: tuple[float, float, float],
+    goal: tuple[float, float],
+    speed: tuple[float, float],
+    trace: FloatArray,
+) -> tuple[float, float]:
+    """Return the speeds for the active agent's turning angle and the speed agent's average speed.
 
-    Args:
-        bases: ``FuzzyBlocks.bases``.
-        ranges: (10,) d_s1 to d_s10 [m].
-        reads_rear: whether 1FB takes the rear's readings, see ``Drive``.
-        side: of the wall that 2FB tracks, ``LEFT`` or ``RIGHT``.
-        agent: the active one.
-        bearing: -theta [rad].
-        d_destination: distance to the destination [m].
-        v_max: V_max [m/s].
+    A step of ``navbench.policy``; the state is the switch unit's memory and room to work in, and NaN a reading's, a
+    pose's or a goal's.
     """
-    bypass, track_left, track_right, approach, speed = bases
-    d_s1, d_s2, d_s3, d_s4, d_s5 = ranges[0], ranges[1], ranges[2], ranges[3], ranges[4]
-    d_s6, d_s7, d_s8, d_s9, d_s10 = ranges[5], ranges[6], ranges[7], ranges[8], ranges[9]
-    mu_1 = answer(bypass, (d_s9, d_s7, d_s8) if reads_rear else (d_s4, d_s2, d_s3))
-    if side == LEFT:
-        mu_2 = answer(track_left, (d_s10, d_s1))
-    else:
-        mu_2 = answer(track_right, (d_s6, d_s5))
-    mu_3 = answer(approach, (bearing,))
+    work, switch, drive, d_s = state[2:], part(parameters, SWITCH), part(parameters, DRIVE), ranges_m
+    k, reads_rear, track, v_max = drive[0], drive[1] > 0.0, drive[2], drive[3]
+    d_destination = math.hypot(goal[0] - pose[0], goal[1] - pose[1])
+    bearing = -deviation(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))  # positive to the left
+    pattern = pattern_seen(d_s, part(parameters, DETECT))
+    side = tracked_side(pattern, d_s)
+    agent = chosen(state, int(part(parameters, AGENTS)[pattern]), side, bearing, switch[0], switch[1])
+
+    rear = reads_rear and pattern & IN_FRONT == 0
+    bypass_inputs = (d_s[8], d_s[6], d_s[7]) if rear else (d_s[3], d_s[1], d_s[2])  # d_s4, d_s2, d_s3
+    track_inputs = (d_s[9], d_s[0]) if side == LEFT else (d_s[5], d_s[4])
+    mu_1 = answer(part(parameters, BYPASS), bypass_inputs, work)
+    mu_2 = answer(part(parameters, TRACK_LEFT if side == LEFT else TRACK_RIGHT), track_inputs, work)
+    mu_3 = answer(part(parameters, APPROACH), (bearing,), work)
     mu = (mu_3, mu_1, mu_2)[agent]
-    return mu_1, mu_2, mu_3, mu, answer(speed, (mu, d_destination)) * v_max
+    v_avg = answer(part(parameters, SPEED), (mu, d_destination), work) * v_max
+    trace[0], trace[1], trace[2] = agent, pattern, side
+    trace[3], trace[4], trace[5], trace[6], trace[7] = mu_1, mu_2, mu_3, mu, v_avg
+    trace[8], trace[9] = bearing, d_destination
+    trace[10], trace[11], trace[12], trace[13] = d_s[0], d_s[9], d_s[4], d_s[5]
+    if math.isnan(mu_1 + mu_2 + mu_3 + v_avg):
+        return math.nan, math.nan
+    left, right = wheel_speeds(mu, v_avg, k, track)
+    return body_speed(left, right, track)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Drive:
-    """What is neither the switch unit's nor the blocks'.
-
-    Attributes:
-        turn_gain_per_s: turning rate per turning angle [1/s].
-        bypass_reads_rear: whether, with only the rear seeing something, 1FB takes the rear's readings: d_s7, d_s8 and
-            d_s9 for d_s2, d_s3 and d_s4.
-    """
-
-    turn_gain_per_s: Positive
-    bypass_reads_rear: Flag
-
-
-class MultiAgent:
+class MultiAgent(CompiledController):
     """The planner.
 
     Attributes:
         sensor_roles: the sensors that it needs, in this order.
-        switch: the switch unit.
         blocks: the fuzzy blocks.
     """
 
     sensor_roles = SENSOR_ROLES
 
+    @checked("build")
     def __init__(
         self,
         *,
         switch: Mapping[str, Any],
         blocks: Mapping[str, Any],
-        turn_gain_per_s: float,
-        bypass_reads_rear: bool,
+        turn_gain_per_s: Positive,
+        bypass_reads_rear: Flag,
     ) -> None:
         """Check the parameters and build the blocks.
 
@@ -161,15 +165,14 @@ class MultiAgent:
             switch: a value for each field of ``nemeiksis2019_switch.SwitchParameters``.
             blocks: a value for each field of ``nemeiksis2019_blocks.Peaks``.
             turn_gain_per_s: turning rate per turning angle [1/s].
-            bypass_reads_rear: as in ``Drive``.
+            bypass_reads_rear: whether, with only the rear seeing something, 1FB takes the rear's readings: d_s7, d_s8
+                and d_s9 for d_s2, d_s3 and d_s4.
 
         Raises:
             ValueError: a parameter is unknown, missing or out of range.
         """
-        given = {"turn_gain_per_s": turn_gain_per_s, "bypass_reads_rear": bypass_reads_rear}
-        self._drive = describe(Drive, given, "build")
-        self.switch, self.blocks = SwitchUnit(switch), fuzzy_blocks(blocks)
-        self._front = pattern_of(FRONT)
+        self._switch, self.blocks = switch_unit(switch), fuzzy_blocks(blocks)
+        self._drive = (turn_gain_per_s, bypass_reads_rear)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -177,56 +180,13 @@ class MultiAgent:
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
-        roles = tuple(sensor.role for sensor in setup.sensors)
-        if roles != SENSOR_ROLES:
-            raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(SENSOR_ROLES)}")
-        self._track_m, self._v_max_mps = setup.robot.track_m, setup.robot.wheel_speed_max_mps
-        self.switch.reset()
-        self._trace = dict.fromkeys(TRACE, 0.0)
+        check_roles(setup, SENSOR_ROLES)
+        drive = (*self._drive, setup.robot.track_m, setup.robot.wheel_speed_max_mps)
+        bases = [block.base for block in self.blocks.by_name().values()]
+        parameters = pack(*self._switch, drive, *bases)
+        state = np.array([NOBODY, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self.policy = Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
 
-    def act(self, observation: Observation) -> Command:
-        """Return the wheel speeds for the active agent's turning angle and the speed agent's average speed."""
-        (x, y, phi), goal = observation.pose, observation.goal
-        d_destination = math.hypot(goal[0] - x, goal[1] - y)
-        bearing = -deviation(phi, math.atan2(goal[1] - y, goal[0] - x))  # positive to the left
-        ranges_m = observation.ranges_m.tolist()
-        pattern = self.switch.pattern(ranges_m)
-        side = self.switch.side(pattern, ranges_m)
-        agent = self.switch.choose(pattern, side, bearing)
-
-        reads_rear = self._drive.bypass_reads_rear and not pattern & self._front
-        mu_1, mu_2, mu_3, mu, v_avg = steered(
-            self.blocks.bases, observation.ranges_m, reads_rear, side, agent, bearing, d_destination, self._v_max_mps
-        )
-        if math.isnan(mu_1 + mu_2 + mu_3 + v_avg):
-            raise ValueError("a reading, the pose or the goal is NaN, which has no membership")
-        self._trace = {
-            "agent": float(agent),
-            "pattern": float(pattern),
-            "side": side,
-            "mu_1_rad": mu_1,
-            "mu_2_rad": mu_2,
-            "mu_3_rad": mu_3,
-            "mu_rad": mu,
-            "v_avg_mps": v_avg,
-            "heading_error_rad": bearing,
-            "d_destination_m": d_destination,
-            "d_s1_m": ranges_m[0],
-            "d_s10_m": ranges_m[9],
-            "d_s5_m": ranges_m[4],
-            "d_s6_m": ranges_m[5],
-        }
-        return Command.from_wheels(*wheel_speeds(mu, v_avg, self._drive.turn_gain_per_s, self._track_m), self._track_m)
-
-    @property
-    def trace(self) -> dict[str, float]:
-        """The latest act: the active agent (0 destination, 1 obstacle, 2 wall), all turning angles, speed, readings.
-
-        ``pattern`` has bit k set where the sensor of Table 1's column k sees something. ``side`` is where the wall is
-        that the wall agent tracks or would track, 1 left and -1 right.
-        """
-        return self._trace
-
-    def describe(self) -> dict[str, dict[str, list[Any]]]:
+    def describe(self) -> dict[str, Columns]:
         """Return named tables for a report: those of the blocks, the switch unit's 1024 patterns and its 28 rows."""
         return {**self.blocks.describe(), "patterns": describe_patterns(), "modes": describe_modes()}

@@ -6,20 +6,26 @@ covers do come up in runs; ``completed_agent`` gives them an agent by four rules
 table wherever it speaks. A pattern is a number: bit k is set where the sensor of the table's column k sees something.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.validation import STRICT, NonNegative, Positive, describe
+from navbench.compiled import compiled
+from navbench.contract import FloatArray
+from navbench.fuzzy.describing import Columns, columns
+from navbench.validation import STRICT, NonNegative, Positive, describe, remembered
 
 DESTINATION, OBSTACLE, WALL = 0, 1, 2  # values of the trace's "agent"
+NOBODY = -1.0  # drives before the first control period
 AGENTS = {"destination": DESTINATION, "obstacle": OBSTACLE, "wall": WALL}
 LEFT, RIGHT = 1.0, -1.0  # values of the trace's "side": where the tracked wall is
 
 COLUMNS = (10, 1, 2, 3, 4, 5, 6, 7, 8, 9)  # of Table 1, in its order; they run round the robot, clockwise
+BITS = tuple(1 << COLUMNS.index(sensor) for sensor in range(1, 11))  # of the sensors 1 to 10 in a pattern
 FRONT, LEFT_FLANK, RIGHT_FLANK, REAR = (2, 3, 4), (1, 10), (5, 6), (7, 8, 9)
 TABLE_1 = (  # 0: sees nothing, 1: sees something, 2: does not matter
     # 10  1  2  3  4  5  6  7  8  9
@@ -62,7 +68,10 @@ def mirrored_sensor(sensor: int) -> int:
 
 def pattern_of(sensors: Sequence[int]) -> int:
     """Return the pattern in which just these sensors see something."""
-    return sum(1 << COLUMNS.index(sensor) for sensor in sensors)
+    return sum(BITS[sensor - 1] for sensor in sensors)
+
+
+IN_FRONT, ON_LEFT, ON_RIGHT = map(pattern_of, (FRONT, LEFT_FLANK, RIGHT_FLANK))
 
 
 def seeing(pattern: int) -> tuple[int, ...]:
@@ -101,12 +110,6 @@ def completed_agent(pattern: int) -> str:
     return "destination"
 
 
-@cache
-def agents_by_pattern(agents: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the agent of each pattern, (1024,), where only some agents exist; the first takes the missing ones'."""
-    return tuple(AGENTS[name if name in agents else agents[0]] for name in map(completed_agent, PATTERNS))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class SwitchParameters:
     """What the switch unit may be told.
@@ -133,76 +136,73 @@ class SwitchParameters:
             raise ValueError(f"agents: must name at least one agent, each once, not {list(self.agents)}")
 
 
-class SwitchUnit:
-    """The switch unit and what it remembers: the agent that drives, and how long a change must wait.
+@compiled
+def pattern_seen(d_s: FloatArray, detect_m: FloatArray) -> int:
+    """Return the pattern of the readings of the sensors 1 to 10 [m], which see something below these limits [m]."""
+    pattern = 0
+    for k in range(len(BITS)):
+        if d_s[k] < detect_m[k]:
+            pattern |= BITS[k]
+    return pattern
 
-    Attributes:
-        parameters: the checked parameters.
+
+@compiled
+def tracked_side(pattern: int, d_s: FloatArray) -> float:
+    """Return which wall there is to track, ``LEFT`` or ``RIGHT``.
+
+    It is the side both of whose sensors see something; where that is so of both sides or of none, the side whose two
+    readings have the smaller sum, and of equal sums the left.
     """
-
-    def __init__(self, parameters: Mapping[str, Any]) -> None:
-        """Check the parameters.
-
-        Args:
-            parameters: a value for each field of ``SwitchParameters``.
-
-        Raises:
-            ValueError: a key is unknown or missing, or a value is of the wrong type or out of range.
-        """
-        self.parameters = given = describe(SwitchParameters, parameters, "switch")
-        flanks = (*LEFT_FLANK, *RIGHT_FLANK)
-        self._detect_m = [given.flank_detect_m if s in flanks else given.front_rear_detect_m for s in range(1, 11)]
-        self._bits = [1 << COLUMNS.index(sensor) for sensor in range(1, 11)]
-        self._agents = agents_by_pattern(given.agents)
-        self._left, self._right = pattern_of(LEFT_FLANK), pattern_of(RIGHT_FLANK)
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin an episode."""
-        self._active = -1  # none yet
-        self._waits = 0
-
-    def pattern(self, ranges_m: Sequence[float]) -> int:
-        """Return the pattern of some readings of the sensors 1 to 10 [m]."""
-        pattern = 0
-        for bit, reading_m, detect_m in zip(self._bits, ranges_m, self._detect_m, strict=True):
-            if reading_m < detect_m:
-                pattern |= bit
-        return pattern
-
-    def side(self, pattern: int, ranges_m: Sequence[float]) -> float:
-        """Return which wall there is to track, ``LEFT`` or ``RIGHT``.
-
-        It is the side both of whose sensors see something; where that is so of both sides or of none, the side whose
-        two readings have the smaller sum, and of equal sums the left.
-        """
-        left, right = pattern & self._left == self._left, pattern & self._right == self._right
-        if left != right:
-            return LEFT if left else RIGHT
-        (s1, s10), (s5, s6) = LEFT_FLANK, RIGHT_FLANK
-        return LEFT if ranges_m[s1 - 1] + ranges_m[s10 - 1] <= ranges_m[s5 - 1] + ranges_m[s6 - 1] else RIGHT
-
-    def choose(self, pattern: int, side: float, heading_error_rad: float) -> int:
-        """Return the agent that drives in this control period.
-
-        Args:
-            pattern: which sensors see something.
-            side: where the wall is that the wall agent would track.
-            heading_error_rad: the destination's bearing, positive to the left [rad].
-        """
-        wanted, leave_rad = self._agents[pattern], self.parameters.leave_wall_rad
-        if wanted == WALL and leave_rad is not None and -side * heading_error_rad >= leave_rad:
-            wanted = DESTINATION
-        if wanted != self._active:
-            if self._waits and wanted != OBSTACLE:
-                self._waits -= 1
-            else:
-                self._waits = 0 if self._active < 0 else self.parameters.dwell_periods
-                self._active = wanted
-        return self._active
+    left, right = pattern & ON_LEFT == ON_LEFT, pattern & ON_RIGHT == ON_RIGHT
+    nearer = left if left != right else d_s[0] + d_s[9] <= d_s[4] + d_s[5]
+    return LEFT if nearer else RIGHT
 
 
-def describe_patterns() -> dict[str, list[Any]]:
+@compiled
+def chosen(memory: FloatArray, wanted: int, side: float, bearing: float, leave_wall_rad: float, dwell: float) -> int:
+    """Return the agent that drives in this control period.
+
+    Args:
+        memory: (2,) the agent that drives, ``NOBODY`` at first, and how many requests it still ignores; written.
+        wanted: the pattern's agent.
+        side: where the wall is that the wall agent would track.
+        bearing: the destination's, positive to the left [rad].
+        leave_wall_rad: as in ``SwitchParameters``, infinite for None.
+        dwell: ``dwell_periods``.
+    """
+    if wanted == WALL and -side * bearing >= leave_wall_rad:
+        wanted = DESTINATION
+    if wanted != memory[0]:
+        if memory[1] > 0.0 and wanted != OBSTACLE:
+            memory[1] -= 1.0
+        else:
+            memory[0], memory[1] = wanted, 0.0 if memory[0] == NOBODY else dwell
+    return int(memory[0])
+
+
+@remembered
+def switch_unit(parameters: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the switch unit is told, for ``pattern_seen`` and ``chosen``.
+
+    Args:
+        parameters: a value for each field of ``SwitchParameters``.
+
+    Returns:
+        (10,) the limits of the sensors 1 to 10 [m]; (1024,) each pattern's agent; (2,) leave_wall_rad and dwell.
+
+    Raises:
+        ValueError: a key is unknown or missing, or a value is of the wrong type or out of range.
+    """
+    given = describe(SwitchParameters, parameters, "switch")
+    flanks = (*LEFT_FLANK, *RIGHT_FLANK)
+    detect_m = [given.flank_detect_m if s in flanks else given.front_rear_detect_m for s in range(1, 11)]
+    names = map(completed_agent, PATTERNS)
+    agents = [AGENTS[name if name in given.agents else given.agents[0]] for name in names]
+    leave_wall_rad = math.inf if given.leave_wall_rad is None else given.leave_wall_rad
+    return np.array(detect_m), np.array(agents, dtype=float), np.array([leave_wall_rad, given.dwell_periods])
+
+
+def describe_patterns() -> Columns:
     """Return a table of all 1024 patterns: the rows that match, the printed agent, the completed one, its mirror's.
 
     ``printed`` is "none" where no row matches and "conflict" where rows of different agents do. ``mirror_agrees`` where
@@ -214,11 +214,10 @@ def describe_patterns() -> dict[str, list[Any]]:
         agents, there = ((_printed(p), completed_agent(p)) for p in (pattern, mirror))
         told = " ".join(map(str, modes))
         rows.append((written(pattern), told, len(modes), *agents, written(mirror), agents == there))
-    names = ("pattern", "modes", "matches", "printed", "agent", "mirror", "mirror_agrees")
-    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+    return columns(("pattern", "modes", "matches", "printed", "agent", "mirror", "mirror_agrees"), rows)
 
 
-def describe_modes() -> dict[str, list[Any]]:
+def describe_modes() -> Columns:
     """Return a table of the 28 rows of Table 1: how many patterns each covers, and how many of these it alone.
 
     A row that covers none alone is redundant; without all of these together the table still says the same.

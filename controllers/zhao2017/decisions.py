@@ -37,11 +37,8 @@ hull, and (4) picks up the robot's own turning. Of equal dangers the first senso
 
 import math
 
-import numpy as np
-
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
-from navbench.fuzzy.inference import infer
 from navbench.mathematics.geometry import wrap_angle
 
 SENSOR_ROLES = (  # s_0 to s_15
@@ -127,55 +124,41 @@ def room_astern(s: FloatArray) -> float:
 
 
 @compiled
-def rewritten(situation: int, s: FloatArray, directions: tuple[float, ...]) -> float:
+def rewritten(situation: int, s: FloatArray, directions: FloatArray) -> float:
     """Return the direction that stands for a special situation [rad].
 
     Args:
         situation: ``AHEAD``, ``RIGHT``, ``LEFT`` or ``ASTERN``.
         s: (16,) readings [m].
-        directions: for each of these in turn, where the difference is above 0 and where it is not [rad].
+        directions: (8,) for each of these in turn, where the difference is above 0 and where it is not [rad].
     """
-    if situation == AHEAD:
-        return directions[0] if room_ahead(s) > 0.0 else directions[1]
-    if situation == RIGHT:
-        return directions[2] if room_right(s) > 0.0 else directions[3]
-    if situation == LEFT:
-        return directions[4] if room_left(s) > 0.0 else directions[5]
-    return directions[6] if room_astern(s) > 0.0 else directions[7]
+    difference = (room_ahead(s), room_right(s), room_left(s), room_astern(s))[situation - AHEAD]
+    phi: float = directions[2 * (situation - AHEAD) + (0 if difference > 0.0 else 1)]
+    return phi
 
 
 @compiled
 def avoidance(
-    before: FloatArray,
-    ranges: FloatArray,
-    limits: FloatArray,
-    angles: FloatArray,
-    dt: float,
-    thresholds: tuple[float, float, float],
-    directions: tuple[float, ...],
-) -> tuple[bool, float, float, int, int]:
-    """Return the decision of Table 3: whether OA is active, R [s], Phi [rad], the situation and the sensor.
+    r: float, sensor: int, s: FloatArray, angles: FloatArray, thresholds: FloatArray, directions: FloatArray
+) -> tuple[bool, float, int]:
+    """Return the decision of Table 3: whether OA is active, Phi [rad] and the special situation.
 
     Phi is 0 where there is no danger; the situation is ``NO_SITUATION`` unless Phi was rewritten for it.
 
     Args:
-        before: (16,) readings one period ago [m].
-        ranges: (16,) readings now [m].
-        limits: (16,) what each sensor reads where it sees nothing [m].
+        r: R [s].
+        sensor: the number of its sensor, or ``NO_SENSOR``.
+        s: (16,) readings [m].
         angles: (16,) where each sensor looks [rad].
-        dt: the control period [s].
         thresholds: D_safe [m], T_safe [s], medium [s].
-        directions: as of ``rewritten``.
+        directions: (8,) as of ``rewritten``.
     """
-    d_safe, t_safe, medium = thresholds
-    r, sensor = greatest_danger(before, ranges, limits, dt)
-    phi = 0.0 if sensor == NO_SENSOR else angles[sensor]
-    if not (ranges.min() < d_safe and r < t_safe):
-        return False, r, phi, NO_SITUATION, sensor
-    situation = situation_of(sensor) if r < medium else NO_SITUATION
+    d_safe, t_safe, medium = thresholds[0], thresholds[1], thresholds[2]
+    avoids = s.min() < d_safe and r < t_safe
+    situation = situation_of(sensor) if avoids and r < medium else NO_SITUATION
     if situation != NO_SITUATION:
-        phi = rewritten(situation, ranges, directions)
-    return True, r, phi, situation, sensor
+        return avoids, rewritten(situation, s, directions), situation
+    return avoids, 0.0 if sensor == NO_SENSOR else angles[sensor], situation
 
 
 @compiled
@@ -189,54 +172,3 @@ def target(x: float, y: float, theta: float, x_goal: float, y_goal: float, radiu
 def wheel_speed(share: float, gain: float, limit_mps: float) -> float:
     """Return the speed of a wheel [m/s] for a fuzzy controller's answer, a share of the wheels' limit."""
     return min(max(gain * share, -1.0), 1.0) * limit_mps
-
-
-@compiled
-def commanded(
-    bases: tuple[FloatArray, FloatArray],
-    before: FloatArray,
-    ranges: FloatArray,
-    ring: FloatArray,
-    thresholds: tuple[float, float, float],
-    directions: tuple[float, ...],
-    robot: tuple[float, float, float, float],
-    x: float,
-    y: float,
-    theta: float,
-    x_goal: float,
-    y_goal: float,
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return what Table 3 commands, and why, in the order of ``oa_to``'s trace; R is not bounded.
-
-    The wheels' speeds are NaN if an input of the active fuzzy controller is unusable.
-
-    Args:
-        bases: ``FuzzyInference.base`` of OA-FLC and of TO-FLC.
-        before: (16,) readings one period ago [m]; takes those of now.
-        ranges: (16,) readings now [m].
-        ring: (2, 16) what each sensor reads where it sees nothing [m], where it looks [rad].
-        thresholds: as of ``avoidance``.
-        directions: as of ``rewritten``.
-        robot: the control period [s], its radius [m], the output gain, the wheels' limit [m/s].
-        x: its x [m].
-        y: its y [m].
-        theta: its heading [rad].
-        x_goal: the target's x [m].
-        y_goal: the target's y [m].
-    """
-    (oa, to), (period_s, radius_m, gain, limit_mps) = bases, robot
-    avoids, r, phi, situation, sensor = avoidance(before, ranges, ring[0], ring[1], period_s, thresholds, directions)
-    before[:] = ranges
-    d, psi = target(x, y, theta, x_goal, y_goal, radius_m)
-    inputs, shares = np.empty(2), np.empty(2)
-    if avoids:
-        inputs[0], inputs[1] = r, phi
-        infer(oa, inputs, shares)
-    else:
-        inputs[0], inputs[1] = d, psi
-        infer(to, inputs, shares)
-    if math.isnan(shares[0]):
-        left_mps, right_mps = math.nan, math.nan  # min and max would make numbers of it
-    else:
-        left_mps, right_mps = wheel_speed(shares[0], gain, limit_mps), wheel_speed(shares[1], gain, limit_mps)
-    return r, phi, float(sensor), 1.0 if avoids else 0.0, float(situation), d, psi, left_mps, right_mps

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from navbench.fuzzy.inference import FuzzyInference, Term, Variable, memberships
+from navbench.fuzzy.describing import Columns, columns, membership_corners
+from navbench.fuzzy.inference import FuzzyInference, Term, Variable
 
 from .sets import (
     UNIVERSES,
@@ -53,24 +54,13 @@ def to_flc(peaks: ToMemberships, rules: ToRules) -> FuzzyInference:
     return FuzzyInference(inputs, {"vL": output, "vR": output}, _rules(rules), fallback=STAND)
 
 
-def described(oa: FuzzyInference, to: FuzzyInference) -> dict[str, dict[str, list[Any]]]:
+def described(oa: FuzzyInference, to: FuzzyInference) -> dict[str, Columns]:
     """Return tables for a report: the corners of all sets, between which they are straight, and Tables 1 and 2."""
-    variables = {**oa.inputs, **oa.outputs, **to.inputs, "v": to.outputs["vL"]}
-    corners = [
-        (name, term, x, float(memberships(variable, x)[i, 0]))
-        for name, variable in variables.items()
-        for i, (term, fuzzy_set) in enumerate(variable.terms.items())
-        for x in sorted(set(fuzzy_set.corners))
-    ]
     return {
-        "memberships": _columns(("variable", "term", "x", "degree"), corners),
-        "oa_rules": _columns(("R", "Phi", "vL", "vR"), oa.rules),
-        "to_rules": _columns(("D", "Psi", "vL", "vR"), to.rules),
+        "memberships": membership_corners({**oa.inputs, **oa.outputs, **to.inputs, "v": to.outputs["vL"]}),
+        "oa_rules": columns(("R", "Phi", "vL", "vR"), oa.rules),
+        "to_rules": columns(("D", "Psi", "vL", "vR"), to.rules),
     }
-
-
-def _columns(names: tuple[str, ...], rows: Any) -> dict[str, list[Any]]:
-    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
 def _rules(rules: OaRules | ToRules) -> list[tuple[str, str, str, str]]:

@@ -29,20 +29,36 @@ Table 2 the cell VB, PS of v_R is PB, where the mirror image of VB, NS would be 
 
 import math
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from navbench.contract import Command, Observation, Setup
-from navbench.fuzzy.inference import FuzzyInference
+from navbench.contract import FloatArray, Setup, check_roles
+from navbench.fuzzy.describing import Columns
+from navbench.fuzzy.inference import FuzzyInference, infer
+from navbench.mathematics.kinematics import body_speed
+from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import STRICT, Number, Positive, describe, remembered
 
-from .decisions import SENSOR_ROLES, commanded
+from .decisions import SENSOR_ROLES, avoidance, greatest_danger, target, wheel_speed
 from .fuzzy import described, oa_flc, to_flc
 from .sets import OaMemberships, OaRules, ToMemberships, ToRules
 
 R_SHOWN_MAX_S = 1000.0  # what the trace shows for a greater R, infinity included: a trace is finite
+RING, ANGLES, ROBOT, NAVIGATION, DIRECTIONS, OA, TO = range(7)  # parts of the parameters
+TRACE = (
+    "R_s",  # at most R_SHOWN_MAX_S
+    "Phi_rad",  # as OA-FLC is given it, 0 without danger
+    "danger_sensor",  # its number, -1 without danger
+    "active_flc",  # 0 TO, 1 OA
+    "special_situation",  # 0 none, 1 ahead, 2 right, 3 left, 4 astern
+    "D_radii",
+    "Psi_rad",
+    "vL_mps",  # as commanded
+    "vR_mps",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -87,7 +103,37 @@ class SpecialPhi:
     astern_right_freer: Number
 
 
-class OaTo:
+@compiled
+def step(
+    state: FloatArray,
+    parameters: FloatArray,
+    ranges_m: FloatArray,
+    discs: FloatArray,
+    pose: tuple[float, float, float],
+    goal: tuple[float, float],
+    speed: tuple[float, float],
+    trace: FloatArray,
+) -> tuple[float, float]:
+    """Return what Table 3 commands: the answer of OA-FLC to the danger, or of TO-FLC to the target.
+
+    A step of ``navbench.policy``; the state is the readings of one period ago, and NaN a pose's or a goal's.
+    """
+    robot, chosen = part(parameters, ROBOT), part(parameters, NAVIGATION)
+    period_s, radius_m, limit_mps, track_m, gain = robot[0], robot[1], robot[2], robot[3], chosen[3]
+    r, sensor = greatest_danger(state, ranges_m, part(parameters, RING), period_s)
+    state[:] = ranges_m
+    directions = part(parameters, DIRECTIONS)
+    avoids, phi, situation = avoidance(r, sensor, ranges_m, part(parameters, ANGLES), chosen, directions)
+    trace[0], trace[1], trace[2] = min(r, R_SHOWN_MAX_S), phi, sensor
+    trace[3], trace[4] = avoids, situation
+    trace[5], trace[6] = target(pose[0], pose[1], pose[2], goal[0], goal[1], radius_m)
+    if infer(part(parameters, OA if avoids else TO), trace[:2] if avoids else trace[5:7], trace[7:]) >= 0:
+        return math.nan, math.nan
+    trace[7], trace[8] = wheel_speed(trace[7], gain, limit_mps), wheel_speed(trace[8], gain, limit_mps)
+    return body_speed(trace[7], trace[8], track_m)
+
+
+class OaTo(CompiledController):
     """Two fuzzy controllers, one for danger and one for the target.
 
     Attributes:
@@ -123,11 +169,8 @@ class OaTo:
         """
         chosen = describe(Navigation, navigation, "build.navigation")
         special = describe(SpecialPhi, special_phi_rad, "build.special_phi_rad")
-        self._thresholds = (chosen.safe_distance_m, chosen.safe_time_s, chosen.medium_time_s)
-        self._output_gain = chosen.output_gain
-        self._directions = tuple(getattr(special, name) for name in SpecialPhi.__dataclass_fields__)
         self.oa, self.to = _fuzzy_controllers(oa_memberships, oa_rules, to_memberships, to_rules)
-        self._bases = (self.oa.base, self.to.base)
+        self._chosen = (astuple(chosen), astuple(special), self.oa.base, self.to.base)
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance.
@@ -135,50 +178,15 @@ class OaTo:
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
-        roles = tuple(sensor.role for sensor in setup.sensors)
-        if roles != SENSOR_ROLES:
-            raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(SENSOR_ROLES)}")
+        check_roles(setup, SENSOR_ROLES)
         robot = setup.robot
-        self._track_m = robot.track_m
-        self._of_robot = (setup.period_s, robot.radius_m, self._output_gain, robot.wheel_speed_max_mps)
-        self._ring = np.array([(sensor.max_range_m, sensor.heading_rad) for sensor in setup.sensors]).T.copy()
-        self._before_m = self._ring[0].copy()  # nothing was seen yet
-        self._trace: dict[str, float] = {}
+        unseen = np.array([sensor.max_range_m for sensor in setup.sensors])
+        angles = [sensor.heading_rad for sensor in setup.sensors]
+        of_robot = (setup.period_s, robot.radius_m, robot.wheel_speed_max_mps, robot.track_m)
+        parameters = pack(unseen, angles, of_robot, *self._chosen)
+        self.policy = Policy(step=step, state=unseen, parameters=parameters, trace_names=TRACE)
 
-    def act(self, observation: Observation) -> Command:
-        """Return what Table 3 commands: the answer of OA-FLC to the danger, or of TO-FLC to the target."""
-        (x, y, theta), goal = observation.pose, observation.goal
-        r, phi, sensor, avoids, situation, d, psi, left_mps, right_mps = commanded(
-            self._bases, self._before_m, observation.ranges_m, self._ring,
-            self._thresholds, self._directions, self._of_robot,
-            x, y, theta, goal[0], goal[1],
-        )  # fmt: skip
-        if math.isnan(left_mps):
-            raise ValueError("the pose or the goal is NaN, which has no membership")
-        self._trace = {
-            "R_s": min(r, R_SHOWN_MAX_S),
-            "Phi_rad": phi,
-            "danger_sensor": sensor,
-            "active_flc": avoids,
-            "special_situation": situation,
-            "D_radii": d,
-            "Psi_rad": psi,
-            "vL_mps": left_mps,
-            "vR_mps": right_mps,
-        }
-        return Command.from_wheels(left_mps, right_mps, self._track_m)
-
-    @property
-    def trace(self) -> dict[str, float]:
-        """What the latest act saw and did.
-
-        R (at most ``R_SHOWN_MAX_S``), Phi as OA-FLC is given it (0 without danger) and the number of its sensor (-1
-        without); the active controller (0: TO, 1: OA) and the special situation (0: none, 1: ahead, 2: right, 3: left,
-        4: astern); D and Psi; the commanded wheel speeds.
-        """
-        return self._trace
-
-    def describe(self) -> dict[str, dict[str, list[Any]]]:
+    def describe(self) -> dict[str, Columns]:
         """Return named tables for a report: memberships (Figs 3 and 5), rules (Tables 1 and 2)."""
         return described(self.oa, self.to)
 

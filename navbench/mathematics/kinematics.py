@@ -8,6 +8,12 @@ _STRAIGHT_RAD = 1e-9  # below this turn the arc is a straight line to the last d
 
 
 @compiled
+def body_speed(left_mps: float, right_mps: float, track_m: float) -> tuple[float, float]:
+    """Return the forward speed [m/s] and the turning rate [rad/s] of a robot whose wheels turn at these speeds."""
+    return 0.5 * (left_mps + right_mps), (right_mps - left_mps) / track_m
+
+
+@compiled
 def advance_arc(
     x_m: float, y_m: float, heading_rad: float, v_mps: float, w_radps: float, dt_s: float
 ) -> tuple[float, float, float]:
