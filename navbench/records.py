@@ -90,6 +90,7 @@ class CellKey(NamedTuple):
         tuning: the name of the tuning that its parameters come from, or empty.
         tuning_seed: that tuning's seed; -1 without one.
         packages: what the simulator runs on, whose versions belong to the results.
+        loop: what closes its loop, "compiled" code or "python".
         metrics: what its metrics are.
     """
 
@@ -106,6 +107,7 @@ class CellKey(NamedTuple):
     tuning: str = ""
     tuning_seed: int = -1
     packages: tuple[str, ...] = ()
+    loop: str = "python"
     metrics: tuple[Metric, ...] = DECLARED
 
 

@@ -118,6 +118,8 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     try:
         found = getattr(import_module(module), name)
+    except DescriptionError as error:  # of a module that says itself what it needs
+        raise DescriptionError(f"{complaint} {error}") from None
     except Exception as error:  # a user's module may raise anything
         text = " ".join(f"{type(error).__name__}: {error}".split())
         raise DescriptionError(f"{complaint} cannot be imported: {text}{own_line(error)}") from None

@@ -1,7 +1,10 @@
 """What there is to choose from: each group's files with the first line of each."""
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
+
+import yaml
 
 import navbench.conf
 from navbench.validation import DescriptionError
@@ -58,7 +61,25 @@ def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
         names = files_of(group, folders)
         width = max(map(len, names), default=0)
         for name, title in names.items():
-            print(f"  {name:<{width}}  {title}".rstrip())
+            compiled = " [compiled]" if group == "controller" and _is_compiled(name, folders) else ""
+            print(f"  {name:<{width}}  {title}{compiled}".rstrip())
+
+
+def _is_compiled(name: str, folders: Sequence[Path]) -> bool:
+    """Return whether a controller is a compiled policy, as far as its class can be imported."""
+    from navbench.policy import CompiledController
+
+    file = next((folder / "controller" / f"{name}.yaml" for folder in folders if (folder / "controller" / f"{name}.yaml").exists()), None)
+    try:
+        values = yaml.safe_load(file.read_text(encoding="utf-8")) if file else {}
+        target = values.get("build", {}).get("_target_")
+        if target is None:
+            parents = [parent for parent in values.get("defaults", ()) if isinstance(parent, str) and parent != "_self_"]
+            return any(_is_compiled(parent, folders) for parent in parents)
+        module, _, kind = target.rpartition(".")
+        return issubclass(getattr(import_module(module), kind), CompiledController)
+    except Exception:  # whatever is wrong with it, a run says
+        return False
 
 
 def _title(file: Path) -> str:

@@ -1,6 +1,7 @@
 """A cell: one controller in one world on one robot, run for some episodes; and the batches in which they are run."""
 
 import copy
+import inspect
 import hashlib
 import json
 import math
@@ -15,6 +16,7 @@ from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
 from navbench.metrics import METRICS, MetricFunction, declared
+from navbench.policy import CompiledController
 from navbench.records import CellKey, Names, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -87,6 +89,12 @@ class Cell:
         """The indices of its episodes."""
         return range(self.first_episode, self.first_episode + self.episodes)
 
+    @property
+    def loop(self) -> str:
+        """What closes the loop: "compiled" code, or "python" where the simulator or the controller needs it."""
+        is_policy = inspect.isclass(self.controller) and issubclass(self.controller, CompiledController)
+        return "compiled" if is_policy and self.simulator.is_compiled else "python"
+
     def key(self) -> CellKey:
         """Return what results know of this cell."""
         config_hash = digest([self.names, self.configuration])
@@ -104,6 +112,7 @@ class Cell:
             tuning=self.tuning,
             tuning_seed=self.tuning_seed,
             packages=self.simulator.packages,
+            loop=self.loop,
             metrics=declared(self.metrics),
         )
 

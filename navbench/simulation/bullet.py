@@ -24,6 +24,7 @@ from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
 from navbench.simulation.options import SimulatorOptions
+from navbench.validation import DescriptionError
 from navbench.world.shapes import Bounds
 
 C_LIBRARY = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
@@ -43,8 +44,14 @@ def _silent(descriptor: int) -> Iterator[None]:
         os.close(kept)
 
 
-with _silent(2):
-    import pybullet
+try:
+    with _silent(2):
+        import pybullet
+except ModuleNotFoundError:
+    raise DescriptionError(
+        "needs PyBullet: pip install pybullet on Linux x86-64 with CPython 3.11, pybullet-arm64 elsewhere; "
+        "or choose simulator=planar"
+    ) from None
 
 FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
