@@ -98,7 +98,6 @@ class Fuzzy(Behaving):
 
     def __post_init__(self) -> None:
         """Check names, order and range, and build the fuzzy controller."""
-        errors_rad, speeds_mps = self.heading_error_peaks_rad, self.speed_peaks_mps
         for name, needed in (
             ("heading_error_peaks_rad", ERRORS),
             ("speed_peaks_mps", SPEEDS),
@@ -110,11 +109,13 @@ class Fuzzy(Behaving):
                 raise ValueError(f"{name}: must name the sets {', '.join(needed)}, in this order")
             if any(after <= before for before, after in zip(values, values[1:], strict=False)):
                 raise ValueError(f"{name}: must ascend from the first set to the last, not {values}")
-        if max(map(abs, errors_rad.values())) > math.pi:
+        if max(map(abs, self.heading_error_peaks_rad.values())) > math.pi:
             raise ValueError("heading_error_peaks_rad: must lie within -pi and pi")
-        if min(speeds_mps.values()) < 0.0:
+        if min(self.speed_peaks_mps.values()) < 0.0:
             raise ValueError("speed_peaks_mps: must not be negative")
-        self.inference = same_fuzzy_controller(errors_rad, speeds_mps, self.turn_peaks_radps)
+        self.inference = same_fuzzy_controller(
+            self.heading_error_peaks_rad, self.speed_peaks_mps, self.turn_peaks_radps
+        )
 
 
 @dataclass(kw_only=True, config=STRICT)
