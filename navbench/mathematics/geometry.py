@@ -16,7 +16,7 @@ def wrap_angle(angle_rad: float) -> float:
     if -math.pi < angle_rad <= math.pi:
         return angle_rad
     wrapped: float = math.pi - (math.pi - angle_rad) % (2.0 * math.pi)
-    return wrapped if wrapped > -math.pi else math.pi  # the remainder of a hair is rounded up to a whole turn
+    return math.pi if wrapped <= -math.pi else wrapped  # the remainder of a hair is rounded up to a whole turn
 
 
 @compiled
