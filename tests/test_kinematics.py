@@ -4,7 +4,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from navbench.mathematics.kinematics import advance_arc, closest_approach, lag_speed, ramp_speed
+from navbench.mathematics.kinematics import advance_arc, body_speed, closest_approach, lag_speed, ramp_speed
 
 Motion = tuple[float, float, float, float, float]  # x, y, heading, v, w
 
@@ -33,6 +33,11 @@ def integrate_speed(rate: Callable[[float], float], speed: float, dt_s: float, s
         travel += 0.5 * h * (speed + after)
         speed = after
     return travel / dt_s, speed
+
+
+def test_wheels_turn_the_body_about_their_mean_towards_the_slower_one() -> None:
+    assert body_speed(0.25, 0.75, 0.5) == (0.5, 1.0)
+    assert body_speed(-1.0, 1.0, 2.0) == (0.0, 1.0)
 
 
 def test_a_ten_second_arc_agrees_with_numerical_integration_to_a_millionth_of_a_millimetre() -> None:

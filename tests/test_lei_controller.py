@@ -430,14 +430,14 @@ def test_commands_stay_within_the_largest_speed_and_turning_rate() -> None:
 class Ring:
     """A ring with its scan before, for ``scan``."""
 
-    def __init__(self, sensors: tuple[RangeSensor, ...] = RINGED.sensors) -> None:
-        self.mounts, count = by_bearing(sensors), len(sensors)
+    def __init__(self, sensors: tuple[RangeSensor, ...] = RINGED.sensors, side_rad: float = math.pi) -> None:
+        self.mounts, self.side_rad, count = by_bearing(sensors), side_rad, len(sensors)
         self.outline, self.points = np.full((count, 4), np.nan), np.zeros((count, 2))
 
     def __call__(self, ranges_m: Any, pose: tuple[float, float, float]) -> Any:
         obstacles = np.zeros((len(self.mounts), 5))
         arrays = (self.outline, self.points, obstacles)
-        hits = scan(self.mounts, ranges_m, pose, math.pi, PERIOD_S, 0.22 * PERIOD_S, *arrays)
+        hits = scan(self.mounts, ranges_m, pose, self.side_rad, PERIOD_S, 0.22 * PERIOD_S, *arrays)
         return obstacles[:hits]
 
 
@@ -462,6 +462,15 @@ def wall_ranges(x_m: float, pose: tuple[float, float, float]) -> dict[float, flo
 def test_no_hit_is_no_obstacle() -> None:
     assert hits_of({}).shape == (0, 5)
     assert dangers(make(RINGED), see(ranges=[FAR_M] * len(BEARINGS))) == (0.0, 0.0, 0.0)
+
+
+def test_a_hit_aside_is_no_obstacle_but_part_of_the_outline() -> None:
+    ring = Ring(side_rad=math.pi / 2)
+    assert hits_of({112.0: 1.0}, ring=ring).shape == (0, 5)
+    beside = (0.0, 0.0, math.radians(112.0))  # it has turned: the same point is now right ahead
+    assert hits_of({0.0: 1.2}, beside, ring)[0, 3:] == pytest.approx(
+        0.1 * np.array([math.cos(beside[2]), math.sin(beside[2])])
+    )
 
 
 def test_a_hit_is_a_point_in_the_frame_of_the_pose() -> None:
@@ -586,3 +595,8 @@ def test_a_wrong_parameter_is_named(parameter: str, value: Any) -> None:
 def test_a_wrong_set_is_named(parameter: str, value: Any) -> None:
     with pytest.raises(ValueError, match=f"sets.*{parameter}"):
         make(sets={parameter: value})
+
+
+def test_an_obstacle_or_a_goal_that_is_no_number_gets_no_command() -> None:
+    for look in (see(goal=(math.nan, 0.0)), see((math.nan, 0.0, 0.25, 0.0, 0.0))):
+        assert all(map(math.isnan, make().act(look)))

@@ -244,7 +244,7 @@ def test_the_special_situations_are_the_papers_sensors() -> None:
     sets = {AHEAD: {0, 1, 2}, ASTERN: {13, 14, 15}, LEFT: {5, 7, 9}, RIGHT: {6, 8, 10}}
     for sensor in range(16):
         expected = next((name for name, sensors in sets.items() if sensor in sensors), NO_SITUATION)
-        assert zhao2017.situation_of(sensor) == expected
+        assert zhao2017.SITUATIONS[sensor] == expected
     assert (NO_SITUATION, AHEAD, RIGHT, LEFT, ASTERN) == (0, 1, 2, 3, 4)  # what the trace documents
 
 

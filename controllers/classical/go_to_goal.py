@@ -7,12 +7,11 @@ limit, and has no sensors: what it reaches needed no avoidance, and what it hits
 import math
 
 import numpy as np
-from pydantic.dataclasses import dataclass
 
 from navbench.contract import FloatArray, Setup
 from navbench.mathematics.geometry import wrap_angle
 from navbench.policy import CompiledController, Policy, compiled
-from navbench.validation import STRICT, Positive, describe
+from navbench.validation import Positive, checked
 
 
 @compiled
@@ -39,25 +38,11 @@ def step(
     return speed_mps, min(max(gain_per_s * trace[0], -limit_radps), limit_radps)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class Steering:
-    """What it may be told.
-
-    Attributes:
-        speed_mps: the constant forward speed [m/s].
-        gain_per_s: turning rate for each radian of heading error [1/s].
-        turn_limit_radps: the largest turning rate to either side [rad/s].
-    """
-
-    speed_mps: Positive
-    gain_per_s: Positive
-    turn_limit_radps: Positive
-
-
 class GoToGoal(CompiledController):
     """Constant speed, proportional heading, no sensors."""
 
-    def __init__(self, *, speed_mps: float, gain_per_s: float, turn_limit_radps: float) -> None:
+    @checked("GoToGoal")
+    def __init__(self, *, speed_mps: Positive, gain_per_s: Positive, turn_limit_radps: Positive) -> None:
         """Check the parameters.
 
         Args:
@@ -68,9 +53,7 @@ class GoToGoal(CompiledController):
         Raises:
             ValueError: a parameter is not a finite positive number.
         """
-        given = {"speed_mps": speed_mps, "gain_per_s": gain_per_s, "turn_limit_radps": turn_limit_radps}
-        steering = describe(Steering, given, "GoToGoal")
-        self._parameters = np.array([steering.speed_mps, steering.gain_per_s, steering.turn_limit_radps])
+        self._parameters = np.array([speed_mps, gain_per_s, turn_limit_radps])
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
         """Begin an episode; nothing here is left to chance."""

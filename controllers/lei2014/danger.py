@@ -143,7 +143,8 @@ def add_dangers(
         work[0] = distance_factor(free_m, d_s)
         work[1] = time_factor(collision_time(free_m, math.hypot(vx, vy), closing), period_s)
         infer(ddcfc, work, work[2:])  # eq. (8)
-        largest[where] = max(largest[where], work[2])  # definition 7
+        if work[2] > largest[where] or math.isnan(work[2]):
+            largest[where] = work[2]  # definition 7
 
 
 def danger_controller(

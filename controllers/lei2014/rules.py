@@ -34,6 +34,8 @@ import itertools
 from functools import cache
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
 
@@ -144,11 +146,7 @@ def strongest_of_each(strengths: FloatArray, behaviors: FloatArray, strongest: F
     for i in range(strengths.size):
         own = int(behaviors[i])
         strongest[own] = max(strongest[own], strengths[i])
-    first = 0
-    for i in range(strongest.size):
-        if strongest[i] >= strongest[first]:
-            first = i
-    return first
+    return strongest.size - 1 - int(np.argmax(strongest[::-1]))
 
 
 def worse(danger: str, other: str) -> bool:

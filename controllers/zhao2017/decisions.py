@@ -48,6 +48,10 @@ SENSOR_ROLES = (  # s_0 to s_15
 
 NO_SITUATION, AHEAD, RIGHT, LEFT, ASTERN = 0, 1, 2, 3, 4
 NO_SENSOR = -1
+SITUATIONS = (  # of section 4, in which the danger lies at s_0 to s_15
+    *(AHEAD, AHEAD, AHEAD, NO_SITUATION, NO_SITUATION, LEFT, RIGHT, LEFT, RIGHT, LEFT, RIGHT),
+    *(NO_SITUATION, NO_SITUATION, ASTERN, ASTERN, ASTERN),
+)
 
 
 @compiled
@@ -79,20 +83,6 @@ def greatest_danger(before: FloatArray, ranges: FloatArray, limits: FloatArray, 
             if r < least:
                 least, sensor = r, i  # eqs (7), (8)
     return least, sensor
-
-
-@compiled
-def situation_of(sensor: int) -> int:
-    """Return the special situation in which the danger lies at this sensor (section 4)."""
-    if sensor == 0 or sensor == 1 or sensor == 2:
-        return AHEAD
-    if sensor == 6 or sensor == 8 or sensor == 10:
-        return RIGHT
-    if sensor == 5 or sensor == 7 or sensor == 9:
-        return LEFT
-    if sensor == 13 or sensor == 14 or sensor == 15:
-        return ASTERN
-    return NO_SITUATION
 
 
 @compiled
@@ -155,7 +145,7 @@ def avoidance(
     """
     d_safe, t_safe, medium = thresholds[0], thresholds[1], thresholds[2]
     avoids = s.min() < d_safe and r < t_safe
-    situation = situation_of(sensor) if avoids and r < medium else NO_SITUATION
+    situation = SITUATIONS[sensor] if avoids and r < medium else NO_SITUATION
     if situation != NO_SITUATION:
         return avoids, rewritten(situation, s, directions), situation
     return avoids, 0.0 if sensor == NO_SENSOR else angles[sensor], situation
