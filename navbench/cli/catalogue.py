@@ -69,12 +69,21 @@ def _is_compiled(name: str, folders: Sequence[Path]) -> bool:
     """Return whether a controller is a compiled policy, as far as its class can be imported."""
     from navbench.policy import CompiledController
 
-    file = next((folder / "controller" / f"{name}.yaml" for folder in folders if (folder / "controller" / f"{name}.yaml").exists()), None)
+    file = next(
+        (
+            folder / "controller" / f"{name}.yaml"
+            for folder in folders
+            if (folder / "controller" / f"{name}.yaml").exists()
+        ),
+        None,
+    )
     try:
         values = yaml.safe_load(file.read_text(encoding="utf-8")) if file else {}
         target = values.get("build", {}).get("_target_")
         if target is None:
-            parents = [parent for parent in values.get("defaults", ()) if isinstance(parent, str) and parent != "_self_"]
+            parents = [
+                parent for parent in values.get("defaults", ()) if isinstance(parent, str) and parent != "_self_"
+            ]
             return any(_is_compiled(parent, folders) for parent in parents)
         module, _, kind = target.rpartition(".")
         return issubclass(getattr(import_module(module), kind), CompiledController)

@@ -1,8 +1,8 @@
 """A cell: one controller in one world on one robot, run for some episodes; and the batches in which they are run."""
 
 import copy
-import inspect
 import hashlib
+import inspect
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
