@@ -6,7 +6,6 @@ import pytest
 from navbench.mathematics.geometry import (
     box_distance,
     distance_to_nearest,
-    hypotenuse,
     segment_crossing,
     wrap_angle,
 )
@@ -79,13 +78,6 @@ def test_an_angle_within_the_turn_is_wrapped_to_the_same_bits() -> None:
 
 def test_what_is_no_angle_is_none_when_wrapped() -> None:
     assert math.isnan(wrap_angle(math.nan))
-
-
-def test_a_hypotenuse_has_the_bits_of_pythons() -> None:
-    sides = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, 2)) * [1.0, 100.0]  # a C library's: 0.6 % have not
-    for x, y in [*sides.tolist(), (0.0, 0.0), (-3.0, 4.0), (0.0, 2.5), (math.inf, 1.0)]:
-        assert hypotenuse(x, y) == math.hypot(x, y)
-    assert math.isnan(hypotenuse(math.nan, 1.0))
 
 
 def test_the_distance_to_a_box_is_that_to_its_nearest_edge_and_negative_inside() -> None:

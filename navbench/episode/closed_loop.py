@@ -142,7 +142,7 @@ class _Loop:
     def __call__(self, step: Any, *arguments: Any) -> int:
         """Return what ``close`` returns."""
         if not isinstance(step, Dispatcher):
-            return close(step, *arguments)
+            return int(close(step, *arguments))
         if step not in self._steps:
             step.compile(SIGNATURE.args)
             self._steps.add(step)

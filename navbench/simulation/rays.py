@@ -84,7 +84,7 @@ class Rays:
 
     def read(self, rays: list[int], fractions: list[float]) -> list[float]:
         """Return one robot's readings [m], for the share of each of these rays that is free."""
-        readings = self.unobstructed.copy()
+        readings: list[float] = self.unobstructed.tolist()
         for ray, free in zip(rays, fractions, strict=True):
             if free < 1.0:
                 length_m, offset_m, sensor = self._readings[ray]
