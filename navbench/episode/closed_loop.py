@@ -145,6 +145,8 @@ class _Loop:
             return int(close(step, *arguments))
         if step not in self._steps:
             step.compile(SIGNATURE.args)
+            found = step.get_compile_result(SIGNATURE)
+            step.get_compile_result = lambda _: found  # which numba asks for twice a call, 50 us each
             self._steps.add(step)
         if self._close is None:
             loop: Any = close

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled
+from navbench.compiled import compiled, compiled_inline
 from navbench.mathematics.geometry import box_gap, distance_to_nearest, polygon_gap, wrap_angle
 from navbench.mathematics.kinematics import advance_arc, lag_speed, ramp_speed
 from navbench.world.shapes import place_movers, time_to_turn
@@ -118,7 +118,7 @@ FIXED = np.dtype(
 )
 
 
-@compiled
+@compiled_inline
 def set_command(issued: FloatArray, index: int, v_mps: float, w_radps: float, fixed: NDArray[np.void]) -> bool:
     """Set one robot's command, each wheel clipped at its limit; return False for one that is not finite."""
     limit, turn = fixed[0].wheel_speed_max_mps, 0.5 * w_radps * fixed[0].track_m
@@ -129,7 +129,7 @@ def set_command(issued: FloatArray, index: int, v_mps: float, w_radps: float, fi
     return True
 
 
-@compiled
+@compiled_inline
 def advance(
     robots: RobotArray, pipeline: Pipeline, scenery: Scenery, fixed: NDArray[np.void], t_s: float, dt_s: float
 ) -> int:
@@ -147,7 +147,8 @@ def advance(
     for i in range(robots.shape[0]):
         robots[i].left_travel_m, robots[i].right_travel_m = 0.0, 0.0
     if fixed[0].delay_s == 0.0:
-        in_force[:] = issued
+        for i in range(robots.shape[0]):
+            in_force[i, 0], in_force[i, 1] = issued[i, 0], issued[i, 1]
         _drive(robots, in_force, scenery, fixed[0], t_s, dt_s)
     else:
         flight_s[flying[0]] = t_s + fixed[0].delay_s
@@ -170,7 +171,7 @@ def advance(
     return running
 
 
-@compiled
+@compiled_inline
 def _drive(
     robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, duration_s: float
 ) -> None:
@@ -190,7 +191,7 @@ def _drive(
         _substep(robots, scenery, fixed, t_s + k * h, h, fastest)
 
 
-@compiled
+@compiled_inline
 def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, h: float) -> None:
     """Turn the wheels of a robot for a substep: its arc goes on where their mean speeds are those of before."""
     left, robot.left_mps = _wheel(robot.left_mps, left_target, fixed, h)
@@ -200,7 +201,7 @@ def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, 
     robot.left_mean_mps, robot.right_mean_mps, robot.is_held = left, right, 0
 
 
-@compiled
+@compiled_inline
 def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, h: float, fastest_mps: float) -> None:
     """Move everything through one substep, from event to event."""
     boxes, discs, polygons, _, round_movers, outlined_movers = scenery
@@ -257,7 +258,7 @@ def _meet(robots: RobotArray, who: int, kind: int, what: int, t_s: float, since_
     robot.running, robot.end_s = 0, t_s + since_s
 
 
-@compiled
+@compiled_inline
 def _pose_all(robots: RobotArray, since_s: float, fixed: Any) -> None:
     """Put every robot that moves where it is at an instant of the substep."""
     for i in range(robots.shape[0]):
@@ -284,7 +285,7 @@ def _pose(robot: Any, since_s: float, track_m: float) -> tuple[float, float, flo
     return pose
 
 
-@compiled
+@compiled_inline
 def _first_event(
     robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, fastest_mps: float
 ) -> tuple[float, int, int, int]:
@@ -452,7 +453,7 @@ def _encounter(robot: Any, other: Any, fixed: Any, begin: float, end: float) -> 
     return t
 
 
-@compiled
+@compiled_inline
 def measure_clearance(
     robots: RobotArray, boxes: FloatArray, discs: FloatArray, polygons: FloatArray, radius_m: float
 ) -> float:
@@ -464,14 +465,15 @@ def measure_clearance(
             continue
         nearest = distance_to_nearest(robot.x_m, robot.y_m, boxes, discs, polygons)
         for j in range(robots.shape[0]):
-            if j != i:
-                nearest = min(nearest, math.hypot(robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m) - radius_m)
+            dx, dy, far = robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m, nearest + radius_m
+            if j != i and dx * dx + dy * dy <= far * far * (1.0 + ROUNDING_RADII):  # else it is surely not nearer
+                nearest = min(nearest, math.hypot(dx, dy) - radius_m)
         robot.clearance_m = nearest - radius_m
         least = min(least, robot.clearance_m)
     return least
 
 
-@compiled
+@compiled_inline
 def other_robots(robots: RobotArray, index: int, radius_m: float, discs: FloatArray) -> None:
     """Write all robots but one as discs, (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
     for i in range(robots.shape[0]):
@@ -483,7 +485,7 @@ def other_robots(robots: RobotArray, index: int, radius_m: float, discs: FloatAr
             discs[k, 3], discs[k, 4] = v * math.cos(heading), v * math.sin(heading)
 
 
-@compiled
+@compiled_inline
 def _count(robot: Any, dt_s: float, track_m: float) -> None:
     """Add what the robot covers in this time to its sums."""
     left, right = robot.left_mean_mps, robot.right_mean_mps

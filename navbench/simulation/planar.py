@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled, compiled_for_vectors
+from navbench.compiled import compiled, compiled_for_vectors, compiled_inline
 from navbench.mathematics.geometry import box_gap
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import Scenery
@@ -49,7 +49,7 @@ class PlanarSimulator(Simulator):
         return ranges
 
 
-@compiled
+@compiled_inline
 def read_ring(
     robots: RobotArray,
     index: int,
@@ -81,7 +81,7 @@ def read_ring(
             ranges[sensor] = min(ranges[sensor], max(beams[FREE, k] - rays[k].offset_m, 0.0))
 
 
-@compiled
+@compiled_inline
 def cast(
     robots: RobotArray,
     index: int,
