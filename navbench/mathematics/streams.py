@@ -2,6 +2,7 @@
 
 import hashlib
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ def stream(seed: int, world: str, episode: int, role: str, robot_index: int = 0)
         role: what the stream is for, such as "start", "range", "odometry" or "layout".
         robot_index: which robot of the world, >= 0.
     """
-    return np.random.default_rng(np.random.SeedSequence([seed, _words(world), episode, _words(role), robot_index]))
+    words: Any = [seed, _words(world), episode, _words(role), robot_index]
+    return np.random.default_rng(np.random.SeedSequence(words))
 
 
 @lru_cache(maxsize=1000)
