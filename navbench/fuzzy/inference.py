@@ -21,17 +21,7 @@ from navbench.compiled import compiled
 from navbench.fuzzy.variables import Rules, Table, Term, Variable, number_rules, rules_from_table
 from navbench.policy import pack, part
 
-__all__ = [
-    "FuzzyInference",
-    "Table",
-    "Term",
-    "Variable",
-    "conclude",
-    "fire",
-    "infer",
-    "memberships",
-    "rules_from_table",
-]
+__all__ = ["FuzzyInference", "Table", "Term", "Variable", "fire", "infer", "memberships", "rules_from_table"]
 
 FloatArray = NDArray[np.float64]
 
@@ -56,8 +46,7 @@ WEIGHTED = 9  # (1,) 1 for the weighted mean of peaks, 0 for the centroid
 @compiled
 def _degree(x: float, shapes: FloatArray, term: int) -> float:
     """Return the membership of x in a term."""
-    at = 5 * term
-    a, b, c, d = shapes[at], shapes[at + 1], shapes[at + 2], shapes[at + 3]
+    a, b, c, d = shapes[term, 0], shapes[term, 1], shapes[term, 2], shapes[term, 3]
     if x < a or x > d:
         return 0.0
     m = 1.0
@@ -65,7 +54,7 @@ def _degree(x: float, shapes: FloatArray, term: int) -> float:
         m = (x - a) / (b - a)
     elif x > c:
         m = (d - x) / (d - c)
-    if shapes[at + 4] == 0.0:
+    if shapes[term, 4] == 0.0:
         return m
     return 2.0 * m * m if m <= 0.5 else 1.0 - 2.0 * (1.0 - m) * (1.0 - m)
 
@@ -86,27 +75,27 @@ def _fuzzify(x: float, bounds: FloatArray, shapes: FloatArray, first: int, stop:
 
 @compiled
 def _memberships(x: FloatArray, bounds: FloatArray, shapes: FloatArray) -> FloatArray:
-    degrees = np.empty((x.size, shapes.size // 5))
+    degrees = np.empty((x.size, shapes.shape[0]))
     for i in range(x.size):
-        _fuzzify(x[i], bounds, shapes, 0, degrees.shape[1], degrees[i])
+        _fuzzify(x[i], bounds, shapes, 0, shapes.shape[0], degrees[i])
     return degrees
 
 
 @compiled
 def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, strengths: FloatArray) -> int:
     """Write the degree of each input term and the strength of each rule; return which input is unusable, or -1."""
-    ranges, shapes, starts, rules = part(base, RANGES), part(base, SHAPES), part(base, STARTS), part(base, RULES)
-    n_inputs, width = ranges.size // 3, starts.size - 1
+    ranges, shapes = part(base, RANGES).reshape(-1, 3), part(base, SHAPES).reshape(-1, 5)
+    starts, n_inputs = part(base, STARTS), ranges.shape[0]
+    rules = part(base, RULES).reshape(-1, starts.size - 1)
     for i in range(n_inputs):
-        bounds = ranges[3 * i : 3 * i + 3]
-        if math.isnan(values[i]) or (math.isinf(values[i]) and bounds[2] > 0.0):
+        if math.isnan(values[i]) or (math.isinf(values[i]) and ranges[i, 2] > 0.0):
             return i
-        _fuzzify(values[i], bounds, shapes, int(starts[i]), int(starts[i + 1]), slots)
-    slots[shapes.size // 5] = 1.0  # any
-    for r in range(rules.size // width):
+        _fuzzify(values[i], ranges[i], shapes, int(starts[i]), int(starts[i + 1]), slots)
+    slots[shapes.shape[0]] = 1.0  # any
+    for r in range(rules.shape[0]):
         strength = 1.0
         for i in range(n_inputs):
-            strength = min(strength, slots[int(rules[r * width + i])])
+            strength = min(strength, slots[int(rules[r, i])])
         strengths[r] = strength
     return -1
 
@@ -114,24 +103,23 @@ def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, strengths: Fl
 @compiled
 def _centroid(base: FloatArray, slots: FloatArray, first: int, stop: int, level: FloatArray) -> float:
     """Return the centroid of the terms from first to stop, each cut at its strength; NaN if none fired."""
-    spans, cells, lines = part(base, SPANS), part(base, CELLS), part(base, LINES)
-    n_lines = lines.size // 3
+    spans, cells = part(base, SPANS).reshape(-1, 3), part(base, CELLS).reshape(2, -1)
+    lines = part(base, LINES).reshape(3, -1)
     begin, end = level.size, 0
     for t in range(first, stop):
         strength = slots[t]
         if strength > NEGLIGIBLE:
-            cell, last, line = int(spans[3 * t]), int(spans[3 * t + 1]), int(spans[3 * t + 2])
+            cell, last, line = int(spans[t, 0]), int(spans[t, 1]), int(spans[t, 2])
             begin, end = min(begin, cell), max(end, last)
-            lower, rise, half = lines[line:], lines[n_lines + line :], lines[2 * n_lines + line :]
-            own = level[cell:last]
-            for k in range(own.size):
-                below = min(strength, lower[k])
-                cut = min(strength - below, rise[k])
-                own[k] = max(own[k], below + cut - cut * cut * half[k])
+            at = line - cell
+            for k in range(cell, last):
+                below = min(strength, lines[0, at + k])
+                cut = min(strength - below, lines[1, at + k])
+                level[k] = max(level[k], below + cut - cut * cut * lines[2, at + k])
     area, moment = 0.0, 0.0
     for k in range(begin, end):
-        area += level[k] * cells[k]
-        moment += level[k] * cells[level.size + k]
+        area += level[k] * cells[0, k]
+        moment += level[k] * cells[1, k]
     return moment / area if area > 0.0 else math.nan
 
 
@@ -172,50 +160,27 @@ def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
     Returns:
         The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
     """
-    n_slots, n_rules = part(base, PEAKS).size + 1, part(base, RULES).size // (part(base, STARTS).size - 1)
-    work = np.empty(n_slots + n_rules + _level_size(base))  # one allocation is cheaper than three
+    starts, peaks, fallback = part(base, STARTS), part(base, PEAKS), part(base, FALLBACK)
+    n_inputs, n_terms, weighted = starts.size - 1 - fallback.size, peaks.size, part(base, WEIGHTED)[0] > 0.0
+    rules = part(base, RULES).reshape(-1, starts.size - 1)
+    n_rules, n_slots = rules.shape[0], n_terms + 1
+    work = np.empty(n_slots + n_rules + part(base, CELLS).size // 2)  # one allocation is cheaper than three
     slots, strengths, level = work[:n_slots], work[n_slots : n_slots + n_rules], work[n_slots + n_rules :]
     unusable = _fire(base, values, slots, strengths)
     if unusable >= 0:
         out[:] = math.nan
         return unusable
-    _conclude(base, strengths, slots, level, out)
-    return -1
-
-
-@compiled
-def conclude(base: FloatArray, strengths: FloatArray, out: FloatArray) -> None:
-    """Write the crisp outputs for the strengths that ``fire`` has written; both together are ``infer``.
-
-    Args:
-        base: ``FuzzyInference.base``.
-        strengths: (n_rules,) how strongly each rule fires.
-        out: (n_outputs,) is written.
-    """
-    _conclude(base, strengths, np.empty(part(base, PEAKS).size + 1), np.empty(_level_size(base)), out)
-
-
-@compiled
-def _level_size(base: FloatArray) -> int:
-    """Return how many cells of the outputs the centroid needs: none for the weighted mean."""
-    return 0 if part(base, WEIGHTED)[0] > 0.0 else part(base, CELLS).size // 2
-
-
-@compiled
-def _conclude(base: FloatArray, strengths: FloatArray, slots: FloatArray, level: FloatArray, out: FloatArray) -> None:
-    starts, rules, peaks, fallback = part(base, STARTS), part(base, RULES), part(base, PEAKS), part(base, FALLBACK)
-    width, weighted = starts.size - 1, part(base, WEIGHTED)[0] > 0.0
-    n_inputs = width - fallback.size
     slots[int(starts[n_inputs]) :] = 0.0
-    for r in range(strengths.size):  # by output term: the largest for the centroid, the sum for the weighted mean
-        for o in range(n_inputs, width):
-            t = int(rules[r * width + o])
+    for r in range(n_rules):  # by output term: the largest strength for the centroid, the sum for the weighted mean
+        for o in range(n_inputs, rules.shape[1]):
+            t = int(rules[r, o])
             slots[t] = slots[t] + strengths[r] if weighted else max(slots[t], strengths[r])
     level[:] = 0.0
     for o in range(fallback.size):
         first, stop = int(starts[n_inputs + o]), int(starts[n_inputs + o + 1])
         crisp = _weighted_mean(slots, first, stop, peaks) if weighted else _centroid(base, slots, first, stop, level)
         out[o] = fallback[o] if math.isnan(crisp) else crisp
+    return -1
 
 
 def _floats(values: ArrayLike) -> FloatArray:
@@ -240,7 +205,7 @@ def memberships(variable: Variable, x: ArrayLike) -> FloatArray:
     points = _floats(x).ravel()
     if not np.isfinite(points).all():
         raise ValueError("a membership is asked for at an x that is not finite")
-    return _floats(_memberships(points, _floats(_bounds(variable)), _shapes(variable).ravel()).T)
+    return _floats(_memberships(points, _floats(_bounds(variable)), _shapes(variable)).T)
 
 
 def _cell_edges(variable: Variable, samples: int) -> FloatArray:

@@ -19,6 +19,7 @@ from navbench.sensors import Sensors
 from navbench.simulation.contacts import Contacts, Event
 from navbench.simulation.motion import (
     BOX,
+    CELL,
     COLLIDED,
     DISC,
     FIXED,
@@ -150,7 +151,7 @@ class Simulator(ABC):
         self.running = count
         self.build()
         self._is_placed = False
-        measure_clearance(self.robots, scene.boxes, scene.discs, scene.polygons, self.robot.radius_m)
+        measure_clearance(self.robots, scene.arrays, self.robot.radius_m)
         self.robots["min_clearance_m"] = self.robots["clearance_m"]
 
     def states(self) -> list[RobotState]:
@@ -187,6 +188,8 @@ class Simulator(ABC):
         if least_m > rays.reach_m:
             return self._unobstructed.copy()
         asked = rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
+        if len(scene.grid[0]):
+            asked = [list(range(len(rays.table))) if running else [] for running in self.robots["running"].tolist()]
         if not any(asked):
             return self._unobstructed.copy()
         if not self._is_placed:
@@ -258,6 +261,8 @@ class Simulator(ABC):
         if kind == BOX:
             walls_from = len(layout.boxes)
             return Thing("box", row) if row < walls_from else Thing("wall", row - walls_from)
+        if kind == CELL:
+            return Thing("cell", row)
         if kind not in (DISC, POLYGON):
             return Thing("robot", row)
         still = len(layout.discs) if kind == DISC else len(layout.polygons)
@@ -279,4 +284,4 @@ class Simulator(ABC):
                 others = np.empty((len(self.robots) - 1, 5))
                 other_robots(self.robots, i, self.robot.radius_m, others)
                 discs = np.concatenate([scene.discs, others])
-                self.rays.blind_inside_things(ranges[i], robot, scene.boxes, discs, scene.polygons)
+                self.rays.blind_inside_things(ranges[i], robot, scene.boxes, discs, scene.polygons, scene.grid)

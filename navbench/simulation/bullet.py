@@ -111,6 +111,10 @@ class BulletSimulator(Simulator):
             walls_from = len(world.boxes)
             thing = Thing("box", i) if i < walls_from else Thing("wall", i - walls_from)
             self._add_box(thing, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
+        for i, (x, y, half_length, half_width, _, _) in enumerate(
+            world.grid.rectangles().tolist() if world.grid else ()
+        ):
+            self._add_box(Thing("cell", i), x, y, 2.0 * half_length, 2.0 * half_width, 0.0)
         for i, disc in enumerate(world.discs):
             self._add_round(Thing("disc", i), disc.x_m, disc.y_m, disc.radius_m, 0.0, GREY)
         for i in range(len(world.polygons)):

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 from navbench.compiled import compiled
 from navbench.mathematics.geometry import box_gap, distance_to_nearest, polygon_gap, wrap_angle
 from navbench.mathematics.kinematics import advance_arc, lag_speed, ramp_speed
+from navbench.world.grid import FreeArray, nearest_cell
 from navbench.world.shapes import place_movers, time_to_turn
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 RobotArray = NDArray[np.void]
 Movers = tuple[FloatArray, FloatArray]  # as ``mover_tables`` returns them
-Scenery = tuple[FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers]  # see ``Scene.arrays``
+Scenery = tuple[  # see ``Scene.arrays``
+    FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers, FreeArray, FloatArray
+]  # fmt: skip
 Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Drive.arrays``
 
 SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something may have moved this far
@@ -30,7 +33,7 @@ ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
 TURN_S = 1e-9  # movers that turn within this have turned
 STEPS_MAX = 100  # of the search for one contact, of which ten are many
 
-NONE, BOX, DISC, POLYGON, ROBOT_KIND, GOAL = range(6)  # what may be met
+NONE, BOX, DISC, POLYGON, CELL, ROBOT_KIND, GOAL = range(7)  # what may be met
 RUNNING, REACHED, COLLIDED, STOPPED = range(4)  # what may have become of a robot
 
 
@@ -203,7 +206,7 @@ def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, 
 @compiled
 def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, h: float, fastest_mps: float) -> None:
     """Move everything through one substep, from event to event."""
-    boxes, discs, polygons, _, round_movers, outlined_movers = scenery
+    discs, polygons, round_movers, outlined_movers = scenery[1], scenery[2], scenery[4], scenery[5]
     moves = fixed.fastest_mover_mps > 0.0
     begin = 0.0
     while begin < h:
@@ -218,12 +221,12 @@ def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, h: fl
             place_movers(t_s + begin, *outlined_movers, polygons)
         if kind != NONE:
             _pose_all(robots, begin, fixed)
-            measure_clearance(robots, boxes, discs, polygons, fixed.radius_m)
+            measure_clearance(robots, scenery, fixed.radius_m)
             _meet(robots, who, kind, what, t_s, begin, fixed)
             if kind == ROBOT_KIND and robots[what].running and not robots[what].is_held:
                 _meet(robots, what, ROBOT_KIND, who, t_s, begin, fixed)
     _pose_all(robots, h, fixed)
-    measure_clearance(robots, boxes, discs, polygons, fixed.radius_m)
+    measure_clearance(robots, scenery, fixed.radius_m)
     for i in range(robots.shape[0]):
         robot = robots[i]
         if robot.running:
@@ -292,7 +295,7 @@ def _first_event(
 
     Contact beats arrival at the same instant; otherwise the first robot and the first thing of the scene count.
     """
-    boxes, discs, polygons, line, _, _ = scenery
+    boxes, discs, polygons, line, _, _, free, place = scenery
     first, who, kind, what = math.inf, -1, NONE, -1
     limit = end
     for i in range(robots.shape[0]):
@@ -314,6 +317,19 @@ def _first_event(
                 when = _contact(robot, fixed, begin, limit, POLYGON, polygons, k, fixed.radius_m)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
+            if free.shape[0]:
+                reach = fixed.radius_m * (1.0 + ROUNDING_RADII) + 2.0 * v * end
+                cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
+                low_row, high_row = _cells(robot.y_m, reach, place[1], place[2], free.shape[0])
+                low_column, high_column = _cells(robot.x_m, reach, place[0], place[2], free.shape[1])
+                for row in range(low_row, high_row):
+                    for column in range(low_column, high_column):
+                        if free[row, column] == 0:
+                            cell[0, 0] = place[0] + place[2] * (column + 0.5)
+                            cell[0, 1] = place[1] + place[2] * (row + 0.5)
+                            when = _contact(robot, fixed, begin, limit, BOX, cell, 0, fixed.radius_m)
+                            if when < first:
+                                first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
             for k in range(robots.shape[0]):
                 if k < i and robots[k].running and not robots[k].is_held or k == i:
                     continue  # a pair of two that move is looked at once
@@ -331,6 +347,13 @@ def _first_event(
             if when < first:
                 first, limit, who, kind, what = when, when, i, GOAL, -1
     return first, who, kind, what
+
+
+@compiled
+def _cells(at: float, reach: float, begin: float, side: float, count: int) -> tuple[int, int]:
+    """Return the first cell along an axis that comes within reach of a place, and the one after the last."""
+    first, last = math.floor((at - reach - begin) / side), math.floor((at + reach - begin) / side)
+    return max(int(first), 0), min(int(last) + 1, count)
 
 
 @compiled
@@ -453,22 +476,20 @@ def _encounter(robot: Any, other: Any, fixed: Any, begin: float, end: float) -> 
 
 
 @compiled
-def measure_clearance(
-    robots: RobotArray, boxes: FloatArray, discs: FloatArray, polygons: FloatArray, radius_m: float
-) -> float:
-    """Write every running robot's present clearance, and return the least of all [m]."""
-    least = math.inf
+def measure_clearance(robots: RobotArray, scenery: Scenery, radius_m: float) -> None:
+    """Write every running robot's present clearance."""
+    boxes, discs, polygons, free, place = scenery[0], scenery[1], scenery[2], scenery[6], scenery[7]
     for i in range(robots.shape[0]):
         robot = robots[i]
         if not robot.running:
             continue
         nearest = distance_to_nearest(robot.x_m, robot.y_m, boxes, discs, polygons)
+        nearest = min(nearest, nearest_cell(robot.x_m, robot.y_m, free, place))
         for j in range(robots.shape[0]):
             if j != i:
-                nearest = min(nearest, math.hypot(robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m) - radius_m)
+                dx, dy = robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m
+                nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - radius_m)
         robot.clearance_m = nearest - radius_m
-        least = min(least, robot.clearance_m)
-    return least
 
 
 @compiled

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from navbench.compiled import compiled
 from navbench.mathematics.geometry import box_gap, distance_to_nearest
 from navbench.sensors import Sensors
+from navbench.world.grid import FreeArray, nearest_cell
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -92,7 +93,13 @@ class Rays:
         return readings
 
     def blind_inside_things(
-        self, ranges: FloatArray, robot: np.void, boxes: FloatArray, discs: FloatArray, polygons: FloatArray
+        self,
+        ranges: FloatArray,
+        robot: np.void,
+        boxes: FloatArray,
+        discs: FloatArray,
+        polygons: FloatArray,
+        grid: tuple[FreeArray, FloatArray],
     ) -> None:
         """Set to 0, in place, a robot's readings of sensors with a ray that begins inside something: it hits nothing.
 
@@ -102,9 +109,10 @@ class Rays:
             boxes: as above.
             discs: as above, and the other robots.
             polygons: as above.
+            grid: as ``Scene.grid``.
         """
         pose = robot["x_m"], robot["y_m"], robot["heading_rad"]
-        _blind_inside_things(ranges, self.table, *pose, boxes, discs, polygons)
+        _blind_inside_things(ranges, self.table, *pose, boxes, discs, polygons, *grid)
 
 
 def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:
@@ -295,10 +303,13 @@ def _blind_inside_things(
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
+    free: FreeArray,
+    place: FloatArray,
 ) -> None:
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
     for k in range(rays.shape[0]):
         px = x_m + cosine * rays[k].begin_x_m - sine * rays[k].begin_y_m
         py = y_m + sine * rays[k].begin_x_m + cosine * rays[k].begin_y_m
-        if distance_to_nearest(px, py, boxes, discs, polygons) <= 0.0:
+        nearest = min(distance_to_nearest(px, py, boxes, discs, polygons), nearest_cell(px, py, free, place))
+        if nearest <= 0.0:
             ranges[rays[k].sensor] = 0.0
