@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scenes import BLOCK, IDEAL, RADII, a_ring, a_robot, a_simulator, a_world, pose_of
-from shapes import assert_readings_are_analytic, clutter, shapes_of
+from shapes import RAY_TOLERANCE_RADII, assert_readings_are_analytic, clutter, shapes_of
 
 from navbench.contract import Pose
 from navbench.sensors import RAYS_MAX, Mount, Sensors
@@ -178,6 +178,46 @@ def test_a_mount_inside_an_obstacle_reads_0_wherever_it_looks(heading_rad: float
 def test_a_mount_outside_the_hull_that_looks_back_sees_what_is_nearer_than_itself() -> None:
     disc = Disc(x_m=2.0, y_m=0.0, radius_m=0.2)
     assert beside(boom(3.0, 0.0, math.pi, reach_m=1.5), disc) == pytest.approx(0.8, abs=1e-6)
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 2.1])
+@pytest.mark.parametrize("radius_m", RADII)
+def test_a_ray_from_outside_its_own_hull_sees_through_it_what_lies_beyond(radius_m: float, heading_rad: float) -> None:
+    """Looking back from afar, from the rim, and past the hull; beyond stand a disc and another robot."""
+    r = radius_m
+    places = {
+        "afar": (3.0, 0.0),
+        "rim": (1.0, 0.0),
+        "aslant": (3.0, 0.5),
+        "past": (3.0, 1.0),
+        "near past": (3.0, 1.005),
+    }
+    mounts = tuple(Mount(role=role, x_m=x * r, y_m=y * r, heading_rad=math.pi) for role, (x, y) in places.items())
+    turn = complex(math.cos(heading_rad), math.sin(heading_rad))
+    sensors = Sensors(drawn_for_radius_m=r, mounts=mounts, max_range_m=20.0 * r)
+    for x, size in ((-6.0, 2.0), (-4.0, 1.0)):
+        beyond = turn * complex(x, -0.3) * r
+        poses, changes = [Pose(0.0, 0.0, heading_rad)], {"discs": (Disc(beyond.real, beyond.imag, size * r),)}
+        if size == 1.0:
+            poses, changes = [*poses, Pose(beyond.real, beyond.imag, 0.0)], {}
+        starts = tuple(Start(pose.x_m, pose.y_m, 0.0) for pose in poses)
+        with a_simulator(a_world(starts=starts, **changes), a_robot(r), sensors, poses=poses) as simulator:
+            seen = [
+                begin - x - math.sqrt(size**2 - (y + 0.3) ** 2) if y + 0.3 < size else 20.0
+                for begin, y in places.values()
+            ]
+            for _ in range(2):
+                assert simulator.ranges()[0] / r == pytest.approx(seen, abs=RAY_TOLERANCE_RADII)
+
+
+def test_a_robot_that_sees_through_its_own_hull_is_seen_by_others_as_ever() -> None:
+    mount = Mount(role="back", x_m=3.0, y_m=0.0, heading_rad=math.pi)
+    sensors = Sensors(drawn_for_radius_m=1.0, mounts=(mount,), max_range_m=20.0)
+    with a_simulator(
+        two_robots(-8.0), a_robot(), sensors, poses=[Pose(0.0, 0.0, 0.0), Pose(-8.0, 0.0, math.pi)]
+    ) as both:
+        for _ in range(2):
+            assert both.ranges()[:, 0] == pytest.approx([10.0, 10.0], abs=1e-6)
 
 
 def test_a_free_ring_reads_its_largest_range_and_not_a_hair_more() -> None:
