@@ -58,12 +58,6 @@ class Circles(Simulator):
                 shares.append((-b - math.sqrt(square)) / (ux * ux + uy * uy))
         grain = self.options.grain_share
         return grain * round(min(shares) / grain)
-
-    def touches(self):
-        for robot, place, radius in self.circles[len(self.discs) :]:
-            for thing, other, size in self.circles:
-                if thing != robot and math.dist(place, other) <= radius + size:
-                    yield robot, thing
 '''
 YAML = """# Circles by their formulas
 _target_: mine.Circles

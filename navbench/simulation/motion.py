@@ -31,7 +31,7 @@ SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something m
 TOUCH_RADII = 1e-12  # what is nearer touches
 ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
 TURN_S = 1e-9  # movers that turn within this have turned
-STEPS_MAX = 100  # of the search for one contact, of which ten are many
+STEPS_MAX = 100_000  # of the search for one contact: ten are many, but to circle a post at 1e-9 radii takes thousands
 
 NONE, BOX, DISC, POLYGON, CELL, ROBOT_KIND, GOAL = range(7)  # what may be met
 RUNNING, REACHED, COLLIDED, STOPPED = range(4)  # what may have become of a robot

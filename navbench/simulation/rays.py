@@ -42,11 +42,12 @@ class Rays:
         unobstructed: what each sensor reads where nothing is seen [m].
         reach_m: what is further from the hull is hit by no ray [m].
         exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
+        cross_hull: whether a ray comes from outside the hull and through it, or nearly; no ray sees its own robot.
     """
 
     def __init__(self, sensors: Sensors, radius_m: float) -> None:
         rays: list[tuple[float, ...]] = []
-        reach, exposed = 0.0, 0.0
+        reach, exposed, self.cross_hull = 0.0, 0.0, False
         self.unobstructed = np.array([float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()])
         for sensor, mount in enumerate(sensors.complete_mounts()):
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
@@ -56,6 +57,8 @@ class Rays:
                 away = math.hypot(mount.x_m, mount.y_m)
                 if back == 0.0 and away > radius_m:
                     exposed = max(exposed, away)
+                    aside = abs(mount.x_m * sine - mount.y_m * cosine)
+                    self.cross_hull |= aside <= (1.0 + HAIR_RADII) * radius_m
                 reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
