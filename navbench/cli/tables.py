@@ -14,11 +14,14 @@ NAMES = ("controller", "world", "robot", "sensors", "simulator")
 
 def print_tables(results: Results) -> None:
     """Write the tables and the picture, and print what a person asks for first."""
+    from navbench.analysis.stored import StoredResults
     from navbench.report.tables import failures, to_text
 
     table = write_tables(results)
     print(to_text(table))
     for line in failures(results.episodes()):
+        print(line)
+    for line in StoredResults(results).missing:
         print(line)
     shown = len(_drawn(results))
     if shown < len(table):
@@ -59,26 +62,17 @@ def _table_of(results: Results) -> "pd.DataFrame":
     manifest = results.manifest()["cells"]
     cells = {cell["run_id"]: cell for cell in reversed(manifest)}
     order = {cell["run_id"]: place for place, cell in enumerate(manifest)}
-    episodes, metrics = results.episodes(), StoredResults(results).metrics.values()
-    table = summarize(episodes, metrics).sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
+    stored = StoredResults(results)
+    table = summarize(stored.rows, stored.metrics.values())
+    table = table.sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
     mine = [cells[run_id] for run_id in table["run_id"]]
     table["controller"] = [cell["label"] for cell in mine]
     _tell_apart(table, mine)
-    planned = _planned(manifest)
-    rows = [len(planned[run_id]) * robots for run_id, robots in zip(table["run_id"], table["robots"], strict=True)]
-    there = episodes.groupby("run_id").size()
+    rows = [len(stored.planned[run]) * robots for run, robots in zip(table["run_id"], table["robots"], strict=True)]
+    there = stored.rows.groupby("run_id").size()
     if rows != [there[run_id] for run_id in table["run_id"]]:
         table.insert(len(NAMES), "planned", rows)
     return table
-
-
-def _planned(cells: Sequence[Mapping[str, Any]]) -> dict[str, set[int]]:
-    """Return the episodes that were planned of each run."""
-    planned: dict[str, set[int]] = {}
-    for cell in cells:
-        first = cell["first_episode"]
-        planned.setdefault(cell["run_id"], set()).update(range(first, first + cell["episodes"]))
-    return planned
 
 
 def _tell_apart(table: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> None:

@@ -61,7 +61,7 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool) -> list[Pa
     page = Page(stored, out, trust=trust)
     blocks = [block for built in each(partial(build_section, page), study["report"]) for block in built]
     errata = [item for spec in map(named, study["report"]) if spec["name"] == "errata" for item in spec["items"]]
-    document = Document(study["title"], [*blocks, *_making(manifest)], study.get("summary") or "", errata)
+    document = Document(study["title"], [*blocks, *_making(stored)], study.get("summary") or "", errata)
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
@@ -88,11 +88,12 @@ def write_document(document: Document, out: Path) -> list[Path]:
     return [out / "report.md", *(out / name for name in document.files)]
 
 
-def _making(manifest: Mapping[str, Any]) -> list[Block]:
+def _making(stored: StoredResults) -> list[Block]:
     """Return how a study's results were made."""
+    manifest = stored.manifest
     name = manifest["study"]["name"]
     cells, tunings = manifest["cells"], manifest["tunings"]
-    episodes = sum({cell["run_id"]: cell["episodes"] for cell in cells}.values())
+    episodes = len(stored.rows[["run_id", "episode"]].drop_duplicates())
     seeds = _words(sorted({cell["seed"] for cell in cells}))
     tuned = ""
     if tunings:
@@ -106,7 +107,8 @@ def _making(manifest: Mapping[str, Any]) -> list[Block]:
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}
     table = Table("", [Column(""), Column("version")], [list(pair) for pair in versions.items()])
-    return [Heading("How it was made"), Paragraph(text), Link("Manifest", "manifest.json"), table]
+    told = map(Paragraph, [text, *stored.missing])
+    return [Heading("How it was made"), *told, Link("Manifest", "manifest.json"), table]
 
 
 def _words(numbers: Sequence[int]) -> str:

@@ -47,6 +47,7 @@ class Joined(Results):
             cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
         return {
             **manifests[0],
+            "planned": {"episodes": sum(manifest["planned"]["episodes"] for manifest in manifests)},
             "cells": cells,
             "metrics": [one for manifest in manifests for one in manifest.get("metrics", [])],
             "tunings": [one for manifest in manifests for one in manifest["tunings"]],
@@ -78,16 +79,15 @@ class Joined(Results):
 
 def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
     """Return the outline of the report of runs: what there is to say of them."""
-    scenes: dict[str, set[str]] = {}
-    for cell in stored.manifest["cells"]:
-        scenes.setdefault(cell["name"], set()).add(cell["label"])
     outline: list[dict[str, Any]] = [{"name": "summary"}]
-    several = {scene: {"name": scene} for scene, labels in scenes.items() if len(labels) > 1}
+    labels = stored.episodes.groupby("name", sort=False)["label"].nunique()
+    several = {scene: {"name": scene} for scene in dict.fromkeys(stored.cells["name"]) if labels.get(scene, 0) > 1}
     if several:
         outline.append({"name": "comparison", "worlds": several})
     if stored.manifest["tunings"]:
         outline.append({"name": "tuners_compared", "title": "Tunings"})
-    return [*outline, *({"name": name} for name in ("failures", "trajectories", "metrics"))]
+    shown = ("failures", *([] if stored.episodes.empty else ["trajectories"]), "metrics")
+    return [*outline, *({"name": name} for name in shown)]
 
 
 def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
