@@ -25,7 +25,7 @@ def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any
         DescriptionError: there is no such function, its module cannot be imported, or it is not trusted.
     """
     module, _, last = name.rpartition(".")
-    if not trust and module and not module.startswith(OWN):
+    if not trust and lies_outside(name):
         raise DescriptionError(f"{key}={name}: lies outside navbench; --trust lets stored results name it")
     try:
         found = getattr(import_module(module or home), last, None)
@@ -35,6 +35,11 @@ def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any
     if last.startswith("_") or not inspect.isfunction(found) or not (trust or found.__module__.startswith(OWN)):
         raise DescriptionError(f"{key}={name}: there is no such function{_nearest(last, module or home)}")
     return found
+
+
+def lies_outside(name: str) -> bool:
+    """Return whether a name is one of a module that stored results may name only where it is trusted."""
+    return "." in name and not name.startswith(OWN)
 
 
 def _nearest(name: str, module: str) -> str:
