@@ -110,8 +110,8 @@ def _making(stored: StoredResults, config_dir: str | None) -> list[Block]:
         tuning_seeds = _words(sorted({tuning["seed"] for tuning in tunings}))
         tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
     text = (
-        f"`navbench study {name}{own}` runs it all and writes this report; `navbench report outputs/study/{name}{trust}` "
-        f"writes the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
+        f"`navbench study {name}{own}` runs it all and writes this report; "
+        f"`navbench report outputs/study/{name}{trust}` writes the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
         f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}
