@@ -111,8 +111,9 @@ def _making(stored: StoredResults, config_dir: str | None) -> list[Block]:
         tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
     text = (
         f"`navbench study {name}{own}` runs it all and writes this report; "
-        f"`navbench report outputs/study/{name}{trust}` writes the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
-        f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
+        f"`navbench report outputs/study/{name}{trust}` writes the report again from stored results, and runs nothing. "
+        f"Measured: {episodes} episodes in {len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, "
+        f"on {manifest['platform']}."
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}
     table = Table("", [Column(""), Column("version")], [list(pair) for pair in versions.items()])
