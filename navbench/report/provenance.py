@@ -8,6 +8,7 @@ from typing import Any
 
 from navbench.report.document import MISSING, Blocks, Column, Data, Paragraph
 from navbench.report.page import Page
+from navbench.report.runs import leaves
 
 PARTS = ("controller", "world", "robot", "sensors", "simulator")
 KINDS = ("paper", "derived", "public", "tuned", "fitted", "assumed")
@@ -63,7 +64,7 @@ def _tuners(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
             seen.add((part, tuning[part]))
             values = tuning["configuration"][part]
             given = (tuning.get("sources") or {}).get(part) or {}
-            for key in _leaves(values):
+            for key in (key for key, _ in leaves(values) if key.rpartition(".")[2] != "_target_"):
                 source: Mapping[str, Any] = next((given[k] for k in given if key == k or key.startswith(f"{k}.")), {})
                 yield _row(part, tuning[part], key, [_value(values, key)], source)
 
@@ -96,15 +97,6 @@ def _row(part: str, name: str, key: str, values: list[str], source: Mapping[str,
 
 def _is_tuned(manifest: Mapping[str, Any], key: str) -> bool:
     return any(key == f"build.{name}" for t in manifest["tunings"] for name in t["configuration"].get("tunable", {}))
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[str]:
-    for name, inner in value.items():
-        here = f"{key}.{name}" if key else str(name)
-        if isinstance(inner, dict):
-            yield from _leaves(inner, here)
-        elif name != "_target_":
-            yield here
 
 
 def _value(values: Any, key: str) -> str:

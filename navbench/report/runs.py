@@ -92,26 +92,31 @@ def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
 
 def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
     """Return a configuration's leaves: those of the scene, and the rest."""
-    leaves = dict(_leaves(configuration))
-    scene = {key: value for key, value in leaves.items() if key.split(".")[0] in SCENE}
-    return scene, {key: value for key, value in leaves.items() if key not in scene}
+    values = dict(leaves(configuration))
+    scene = {key: value for key, value in values.items() if key.split(".")[0] in SCENE}
+    return scene, {key: value for key, value in values.items() if key not in scene}
 
 
-def _told_apart(names: Sequence[str], leaves: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:
+def _told_apart(names: Sequence[str], values: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:
     """Return each name with those of its values in which things of its kind differ."""
     told = []
-    for name, mine, kind in zip(names, leaves, kinds, strict=True):
-        alike = [other for other, of in zip(leaves, kinds, strict=True) if of == kind]
-        differ = [key for key in dict.fromkeys(k for one in alike for k in one) if len({o.get(key) for o in alike}) > 1]
-        values = ", ".join(f"{key.rpartition('.')[2]}={mine[key]}" for key in differ if key in mine)
-        told.append(f"{name} ({values})" if values else name)
+    for name, mine, kind in zip(names, values, kinds, strict=True):
+        differ = differing([other for other, of in zip(values, kinds, strict=True) if of == kind])
+        own = ", ".join(f"{key.rpartition('.')[2]}={mine[key]}" for key in differ if key in mine)
+        told.append(f"{name} ({own})" if own else name)
     return told
 
 
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+def differing(alike: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return the keys in which some configurations' leaves differ."""
+    every = dict.fromkeys(key for one in alike for key in one)
+    return [key for key in every if len({one.get(key) for one in alike}) > 1]
+
+
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
     """Yield a configuration's dotted keys with their values as words."""
     if isinstance(value, dict):
         for name, inner in value.items():
-            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
+            yield from leaves(inner, f"{key}.{name}" if key else str(name))
     else:
         yield key, str(value)
