@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verdicts_in
-from navbench.analysis.measuring import measure
+from navbench.analysis.measuring import arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
@@ -32,8 +32,8 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     for name, spec in sentence.get("with", {}).items():
         if spec.get("show", "interval") not in FORMS:
             raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
-        of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
-        found = measure(page.stored, spec.get("name", ""), of, trust=page.trust, key=f"{key}.with.{name}")
+        of = asked(f"{key}.with.{name}", spec, page.trust)
+        found = measure(page.stored, spec["name"], of, trust=page.trust)
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
     finding = Finding(sentence["say"], figures)
@@ -42,6 +42,16 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     except (KeyError, ValueError, IndexError) as error:
         raise DescriptionError(f"{key}.say: {error!r} in {sentence['say']!r}") from None
     return finding
+
+
+def asked(key: str, spec: Mapping[str, Any], trust: bool = True) -> dict[str, Any]:
+    """Return the arguments of the measure of a finding's figure, with its cells under ``select`` and ``than``.
+
+    Raises:
+        DescriptionError: there is no such measure, or it does not take these arguments.
+    """
+    of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
+    return arguments(check_measure(key, spec.get("name", ""), of, trust=trust), of)
 
 
 def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -> Blocks:
