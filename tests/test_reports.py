@@ -73,8 +73,8 @@ REPORT: list[dict[str, Any]] = [
     {"name": "outcomes_table", "file": "outcomes", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
     {
         "name": "trajectories",
-        "file": "ways",
-        "caption": "Ways.",
+        "file": "paths",
+        "caption": "Paths.",
         "select": {"name": "printed"},
         "panels": WORLDS,
         "labels": ["F", "PID"],

@@ -29,7 +29,7 @@ Errata, corrected here: u_i is v''_i - (x, y), which (11) leaves unsaid; (12), (
 error vector in (21) and a unit vector in (22), so u_fw = d_fw u'_fw,t + (u_fw,p - d_fw p) with p = u_fw,p / |u_fw,p|.
 
 The paper says only that the robot switches to wall following when it makes no progress before an obstacle, and back
-when the way is clear. Left open, and decided here (the parameters are those of ``aouf2019_behaviors``):
+when the path is clear. Left open, and decided here (the parameters are those of ``aouf2019_behaviors``):
 
 - A sensor that sees nothing counts in (11), and may be P_1 or P_2, with its point at the end of its range.
 - Wall following begins where a front sensor (all but the three rear ones) reads below ``unsafe_m``; or where one reads

@@ -5,7 +5,7 @@ Environments", Journal of Robotics 2019, 2465219, doi:10.1155/2019/2465219; sect
 
 One fuzzy controller of one input serves both behaviours, see ``aouf2019``: what it is given is the heading error of the
 active one. Eleven rules turn it into a turning rate of the same size and sign and into a speed that falls as the error
-grows. So the robot is quick where the way is straight and nearly turns on the spot where it is not.
+grows. So the robot is quick where the path is straight and nearly turns on the spot where it is not.
 
 | symbol | here | unit | where |
 |---|---|---|---|

@@ -18,7 +18,7 @@ from navbench.contract import FloatArray, RangeSensor
 
 @compiled
 def displacement(x: float, y: float, before: FloatArray) -> tuple[float, float]:
-    """Return the shortest way to a point from an outline [m], infinite where there is none.
+    """Return the shortest distance to a point from an outline [m], infinite where there is none.
 
     Args:
         x: the point's x [m].

@@ -40,7 +40,7 @@ def spells_on_path(
     robot = page.robot(row["run_id"])
     ratio = cut(ax, [path], robot.radius_m, square=False)
     figure.set_size_inches(SIDE_INCHES / max(ratio, 1.0) + WORDS_INCHES, SIDE_INCHES * min(ratio, 1.0) + WORDS_INCHES)
-    draw_circle(ax, *path[["x_m", "y_m"]].iloc[0], robot.radius_m)
+    draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     left_m, right_m = ax.get_xlim()
     number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [path])

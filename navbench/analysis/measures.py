@@ -52,12 +52,12 @@ def share_better(stored: StoredResults, metric: str, select: Select, than: Selec
 
     Args:
         stored: the study's results.
-        metric: the metric's name, which is declared to be better one way.
+        metric: the metric's name, which is declared to be better in one direction.
         select: the cells that are said to be better.
         than: the cells that they are compared with.
 
     Raises:
-        DescriptionError: neither way is better, or there is no such metric.
+        DescriptionError: neither direction is better, or there is no such metric.
     """
     sign = stored.sign_of(metric)
     rows = stored.pairs(select, than, each=True)

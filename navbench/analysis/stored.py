@@ -217,7 +217,8 @@ class StoredResults:
 
     @cached_property
     def _layout_ids(self) -> dict[tuple[str, int], str]:
-        return self.rows.set_index(["run_id", "episode"])["layout_id"].to_dict()
+        rows = self.rows
+        return dict(zip(zip(rows["run_id"], rows["episode"], strict=True), rows["layout_id"], strict=True))
 
     @cached_property
     def labels(self) -> list[str]:

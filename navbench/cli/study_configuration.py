@@ -56,7 +56,7 @@ class CellSpec:
     trajectories: Flag = True
 
     def __post_init__(self) -> None:
-        """Check that the controllers are named in one way."""
+        """Check that the controllers are named once."""
         if bool(self.label) == bool(self.controllers):
             raise ValueError("must have one of `label` and `controllers`, the latter as `label: [overrides]`")
 

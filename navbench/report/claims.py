@@ -8,7 +8,7 @@ from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verd
 from navbench.analysis.measuring import arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.mathematics.statistics import Estimate
-from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
+from navbench.report.document import FORMS, MISSING, Blocks, Column, Data, Figure, Finding, Table, words
 from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError
 
@@ -69,9 +69,9 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
     for evidence in EVIDENCE:
         of_it = table[table["evidence"] == evidence]
         if len(of_it):
-            chosen[f"of these, evidence {_plain(evidence)}"] = of_it
+            chosen[f"of these, evidence {plain(evidence)}"] = of_it
     counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in kinds)] for title, rows in chosen.items()]
-    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in kinds)]
+    columns = [Column("", "claims"), *(Column(plain(verdict), verdict) for verdict in kinds)]
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
     rows = [_told(claim) for claim in table.to_dict("records")]
     claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
@@ -86,8 +86,8 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
         *found,
         str(claim["n"]),
         claim["tolerance"],
-        _plain(claim["evidence"]),
-        _plain(claim["verdict"]) + reason,
+        plain(claim["evidence"]),
+        plain(claim["verdict"]) + reason,
     ]
 
 
@@ -152,9 +152,9 @@ def errata(page: Page, *, items: Sequence[Mapping[str, str]]) -> Blocks:
         items: each ``where`` in the paper, ``printed`` and what is done ``here``.
     """
     rows = [[item["where"], item["printed"], item["here"]] for item in items]
-    blocks: list[Block] = [Table("", [Column("where"), Column("the paper"), Column("here")], rows)]
-    return blocks
+    return [Table("", [Column("where"), Column("the paper"), Column("here")], rows)]
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """Return a verdict or an evidence in words."""
     return name.replace("_", " ")

@@ -135,7 +135,7 @@ def failed(page: Page, *, at_most: int = 20) -> Blocks:
 
 
 def metrics(page: Page) -> Blocks:
-    """Return what each metric is, which way is better, and who defines it so."""
+    """Return what each metric is, which direction is better, and who defines it so."""
     rows = [[m.name, m.unit, m.better, m.definition, m.source] for m in page.stored.metrics.values()]
     return [Table("", [Column(title) for title in ("metric", "unit", "better", "definition", "source")], rows)]
 

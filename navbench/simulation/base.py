@@ -229,7 +229,7 @@ class Simulator(ABC):
         blocks, track_m = self.options.on_collision == "block", self.robot.track_m
         if blocks:
             fresh = hit
-            while fresh:  # one that is held may now stand in another's way
+            while fresh:  # one that is held may now stand in another's path
                 for i in fresh:
                     hold(self.robots, i, h, track_m)
                 found = self._contacts()
