@@ -1,4 +1,4 @@
-"""What pictures show: words beside ways, chatter, ranges of what does not change, and fuzzy sets to their ends."""
+"""What pictures show: words beside paths, chatter, ranges of what does not change, and fuzzy sets to their ends."""
 
 import math
 from pathlib import Path
@@ -119,7 +119,7 @@ def test_the_legend_of_a_way_names_only_what_drove(tmp_path: Path, kept: list[Fi
     )
     assert [text.get_text() for text in kept[0].legends[0].get_texts()] == ["go", "follow"]
     (left, right), (bottom, top) = kept[0].axes[0].get_xlim(), kept[0].axes[0].get_ylim()
-    assert top - bottom == pytest.approx(0.4 * (right - left))  # a straight way leaves no empty square
+    assert top - bottom == pytest.approx(0.4 * (right - left))  # a straight path leaves no empty square
 
 
 def test_a_number_stands_beside_its_way_within_the_frame() -> None:

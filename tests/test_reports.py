@@ -73,8 +73,8 @@ REPORT: list[dict[str, Any]] = [
     {"name": "outcomes_table", "file": "outcomes", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
     {
         "name": "trajectories",
-        "file": "ways",
-        "caption": "Ways.",
+        "file": "paths",
+        "caption": "Paths.",
         "select": {"name": "printed"},
         "panels": WORLDS,
         "labels": ["F", "PID"],
@@ -494,7 +494,7 @@ def test_a_figure_without_a_case_is_told_and_kept_as_such(tmp_path: Path) -> Non
         ({"name": "plot", "title": "a"}, ["report[0].name=plot", "printed_table"]),
         (
             {"name": "errata", "title": "a", "items": [], "colour": 1},
-            ["report[0].colour", "title, text, file, caption, items"],
+            ["report[0].colour", "items, title, text, file, caption"],
         ),
         ({"name": "errata", "title": "a"}, ["report[0].items: missing"]),
         ({"name": "comparisn"}, ["report[0].name=comparisn", "did you mean comparison?"]),

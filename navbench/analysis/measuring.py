@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from navbench.analysis.resolving import resolve
+from navbench.analysis.resolving import check_arguments, resolve
 from navbench.analysis.stored import SELECTABLE, StoredResults
 from navbench.mathematics.statistics import Estimate
 from navbench.validation import DescriptionError
@@ -47,16 +47,10 @@ def check_measure(key: str, name: str, of: Mapping[str, Any], *, trust: bool) ->
     takes, *parameters = inspect.signature(function).parameters.values()
     if takes.name != "stored":
         raise DescriptionError(f"{key}={name}: is no measure: it does not take the stored results first")
-    known = [parameter.name for parameter in parameters]
-    choose = SELECTABLE if "select" in known else ()
-    allowed = ", ".join((*(word for word in known if word != "select"), *choose))
-    for word in of:
-        if word not in known and word not in choose:
-            raise DescriptionError(f"{key}: of.{word}: unknown key; {name} takes {allowed}")
-    given = {*of, "select"}
-    for parameter in parameters:
-        if parameter.name not in given and parameter.default is inspect.Parameter.empty:
-            raise DescriptionError(f"{key}: of.{parameter.name}: missing; {name} takes {allowed}")
+    needed = [parameter for parameter in parameters if parameter.name != "select"]
+    choose = SELECTABLE if len(needed) < len(parameters) else ()
+    given = [word for word in of if word != "select" or not choose]
+    check_arguments(f"{key}: of.", name, needed, given, choose)
     return function
 
 

@@ -10,13 +10,14 @@ HELP = """navbench report DIR... [out=DIR]: rebuild tables and figures from resu
 navbench report join=DIR: join the reports in a directory into its README.md
 
   --trust                                           run measures and sections that the results name outside navbench
+  --config-dir DIR                                  the folder with the study, where the results do not say it
 """
 KEYS = ("out", "join")
 
 
 def report(arguments: Sequence[str]) -> int:
     """Rebuild tables and figures from results directories, or join the reports in one."""
-    words = sort_words(arguments, ("--trust",))
+    words = sort_words(arguments, ("--trust", "--config-dir"))
     if words.help:
         print(HELP, end="")
         return 0
@@ -44,7 +45,7 @@ def report(arguments: Sequence[str]) -> int:
     study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
     own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder
     out = given.get("out", Path("results") / study if own else runs[0].path / "report")
-    print_written(write_report(runs, out, trust=words.trust))
+    print_written(write_report(runs, out, trust=words.trust, config_dir=words.config_dir))
     return 0
 
 

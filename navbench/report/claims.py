@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verdicts_in
-from navbench.analysis.measuring import measure
+from navbench.analysis.measuring import arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.mathematics.statistics import Estimate
-from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
+from navbench.report.document import FORMS, MISSING, Blocks, Column, Data, Figure, Finding, Table, words
 from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError
 
@@ -32,8 +32,8 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     for name, spec in sentence.get("with", {}).items():
         if spec.get("show", "interval") not in FORMS:
             raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
-        of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
-        found = measure(page.stored, spec.get("name", ""), of, trust=page.trust, key=f"{key}.with.{name}")
+        of = asked(f"{key}.with.{name}", spec, page.trust)
+        found = measure(page.stored, spec["name"], of, trust=page.trust)
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
     finding = Finding(sentence["say"], figures)
@@ -42,6 +42,16 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     except (KeyError, ValueError, IndexError) as error:
         raise DescriptionError(f"{key}.say: {error!r} in {sentence['say']!r}") from None
     return finding
+
+
+def asked(key: str, spec: Mapping[str, Any], trust: bool = True) -> dict[str, Any]:
+    """Return the arguments of the measure of a finding's figure, with its cells under ``select`` and ``than``.
+
+    Raises:
+        DescriptionError: there is no such measure, or it does not take these arguments.
+    """
+    of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
+    return arguments(check_measure(key, spec.get("name", ""), of, trust=trust), of)
 
 
 def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -> Blocks:
@@ -59,9 +69,9 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
     for evidence in EVIDENCE:
         of_it = table[table["evidence"] == evidence]
         if len(of_it):
-            chosen[f"of these, evidence {_plain(evidence)}"] = of_it
+            chosen[f"of these, evidence {plain(evidence)}"] = of_it
     counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in kinds)] for title, rows in chosen.items()]
-    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in kinds)]
+    columns = [Column("", "claims"), *(Column(plain(verdict), verdict) for verdict in kinds)]
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
     rows = [_told(claim) for claim in table.to_dict("records")]
     claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
@@ -76,8 +86,8 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
         *found,
         str(claim["n"]),
         claim["tolerance"],
-        _plain(claim["evidence"]),
-        _plain(claim["verdict"]) + reason,
+        plain(claim["evidence"]),
+        plain(claim["verdict"]) + reason,
     ]
 
 
@@ -142,9 +152,9 @@ def errata(page: Page, *, items: Sequence[Mapping[str, str]]) -> Blocks:
         items: each ``where`` in the paper, ``printed`` and what is done ``here``.
     """
     rows = [[item["where"], item["printed"], item["here"]] for item in items]
-    blocks: list[Block] = [Table("", [Column("where"), Column("the paper"), Column("here")], rows)]
-    return blocks
+    return [Table("", [Column("where"), Column("the paper"), Column("here")], rows)]
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """Return a verdict or an evidence in words."""
     return name.replace("_", " ")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import StoredResults
+from navbench.analysis.stored import StoredResults, driven, reached
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -228,7 +228,7 @@ def draw_cell(
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
-    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
+    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)))
 
 
 def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
@@ -301,11 +301,11 @@ def _count(outcomes: dict[Any, str], name: str) -> int:
 
 def _numbers(episodes: "pd.DataFrame") -> str:
     """Return time and length under a title: the only robot's own, or the means of those that reached."""
-    reached = episodes[episodes["outcome"] == "reached"]
-    if reached.empty:
+    arrived = reached(episodes)
+    if arrived.empty:
         return ""
-    mean = "" if len(episodes) == 1 else f"means of {len(reached)} of {len(episodes)}: "
-    return f"\n{mean}{reached['time_s'].mean():.2f} s, {reached['path_length_m'].mean():.3f} m"
+    mean = "" if len(episodes) == 1 else f"means of {len(arrived)} of {len(episodes)}: "
+    return f"\n{mean}{arrived['time_s'].mean():.2f} s, {arrived['path_length_m'].mean():.3f} m"
 
 
 def save_convergence(results: Results, file: Path) -> None:

@@ -1,11 +1,14 @@
 """Reports of stored results: what a study found beside what its paper prints, or what some runs did; runs nothing."""
 
 import json
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from navbench.analysis.claims import claims_of
+from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results, write_table
 from navbench.report import latex, markdown
@@ -21,7 +24,9 @@ WHERE = ("controller", "world", "robot", "sensors", "simulator", "episodes", "se
 TUNED = ("tuning_id", "config_hash", "name", "tuner", "objective", "controller", "worlds", "seed", "budget")
 
 
-def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bool = False) -> list[Path]:
+def write_report(
+    runs: Sequence[Results], out: Path, each: Each = map, trust: bool = False, config_dir: str | None = None
+) -> list[Path]:
     """Write a report of some results directories, and return the files that it consists of.
 
     A study that says what its report holds gets that report: ``report.md``, ``findings.json``, ``claims.csv``,
@@ -34,6 +39,7 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bo
         each: builds the sections of a study's report, which do not depend on each other: ``map``, or what does the
             same in several processes.
         trust: whether sections and measures outside navbench may be run.
+        config_dir: the folder with a study that is not navbench's own; None for what the results say.
 
     Raises:
         DescriptionError: there are no results, a study asks for what they do not hold, or names what is not trusted.
@@ -42,18 +48,18 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bo
     studies = {r.manifest["study"]["name"]: r for r in every if (r.manifest["study"] or {}).get("report")}
     others = [stored for stored in every if stored not in studies.values()]
     if len(studies) == 1 and not others:
-        return _study(next(iter(studies.values())), out, each, trust)
+        return _study(next(iter(studies.values())), out, each, trust, config_dir)
     files: list[Path] = []
     links = []
     for name, stored in studies.items():
-        files += _study(stored, out / name, each, trust)
+        files += _study(stored, out / name, each, trust, config_dir)
         links.append(Link(stored.manifest["study"]["title"], f"{name}/report.md"))
     document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
     joined = write_document(Document(document.title, [*document.blocks, *links]), out)
     return list(dict.fromkeys([*joined, *files]))
 
 
-def _study(stored: StoredResults, out: Path, each: Each, trust: bool) -> list[Path]:
+def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir: str | None) -> list[Path]:
     """Write a study's report and return its files."""
     study, manifest = stored.manifest["study"], stored.manifest
     for i, spec in enumerate(study["report"]):
@@ -61,7 +67,7 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool) -> list[Pa
     page = Page(stored, out, trust=trust)
     blocks = [block for built in each(partial(build_section, page), study["report"]) for block in built]
     errata = [item for spec in map(named, study["report"]) if spec["name"] == "errata" for item in spec["items"]]
-    document = Document(study["title"], [*blocks, *_making(manifest)], study.get("summary") or "", errata)
+    document = Document(study["title"], [*blocks, *_making(stored, config_dir)], study.get("summary") or "", errata)
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
@@ -88,11 +94,15 @@ def write_document(document: Document, out: Path) -> list[Path]:
     return [out / "report.md", *(out / name for name in document.files)]
 
 
-def _making(manifest: Mapping[str, Any]) -> list[Block]:
+def _making(stored: StoredResults, config_dir: str | None) -> list[Block]:
     """Return how a study's results were made."""
-    name = manifest["study"]["name"]
+    manifest = stored.manifest
+    study = manifest["study"]
+    name, folder = study["name"], config_dir or study.get("config_dir")
+    own = f" --config-dir {shlex.quote(folder)}" if folder else ""
+    trust = " --trust" if any(map(lies_outside, _named(study))) else ""
     cells, tunings = manifest["cells"], manifest["tunings"]
-    episodes = sum({cell["run_id"]: cell["episodes"] for cell in cells}.values())
+    episodes = len(stored.rows[["run_id", "episode"]].drop_duplicates())
     seeds = _words(sorted({cell["seed"] for cell in cells}))
     tuned = ""
     if tunings:
@@ -100,13 +110,24 @@ def _making(manifest: Mapping[str, Any]) -> list[Block]:
         tuning_seeds = _words(sorted({tuning["seed"] for tuning in tunings}))
         tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
     text = (
-        f"`navbench study {name}` runs it all and writes this report; `navbench report outputs/study/{name}` writes "
-        f"the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
-        f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
+        f"`navbench study {name}{own}` runs it all and writes this report; "
+        f"`navbench report outputs/study/{name}{trust}` writes the report again from stored results, and runs nothing. "
+        f"Measured: {episodes} episodes in {len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, "
+        f"on {manifest['platform']}."
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}
     table = Table("", [Column(""), Column("version")], [list(pair) for pair in versions.items()])
-    return [Heading("How it was made"), Paragraph(text), Link("Manifest", "manifest.json"), table]
+    told = map(Paragraph, [text, *stored.missing])
+    return [Heading("How it was made"), *told, Link("Manifest", "manifest.json"), table]
+
+
+def _named(study: Mapping[str, Any]) -> list[str]:
+    """Return what a study names that is run for its report: sections, measures of claims, measures in findings."""
+    sections = list(map(named, study["report"]))
+    claims = claims_of("claims", study["claims"]).values()
+    sentences = [sentence for section in sections for sentence in section.get("sentences", ())]
+    specs = [*sections, *(spec for sentence in sentences for spec in sentence.get("with", {}).values())]
+    return [*(claim.measure or "" for claim in claims), *(spec.get("name", "") for spec in specs)]
 
 
 def _words(numbers: Sequence[int]) -> str:
