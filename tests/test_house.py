@@ -21,6 +21,7 @@ FLOORS = {
     "mathematics": 0,
     "fuzzy": 0,
     "policy": 0,
+    "raised": 0,
     "tuning": 0,
     "validation": 0,
     "world": 1,  # descriptions

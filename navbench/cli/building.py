@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from navbench.contract import Controller
-from navbench.episode.failures import own_line
+from navbench.raised import one_line, own_line
 from navbench.records import Names
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
@@ -115,8 +115,7 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
     try:
         found = getattr(import_module(module), name)
     except Exception as error:  # a user's module may raise anything
-        text = " ".join(f"{type(error).__name__}: {error}".split())
-        raise DescriptionError(f"{complaint} cannot be imported: {text}{own_line(error)}") from None
+        raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None
     lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
     if lacks or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")

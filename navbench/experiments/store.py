@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments.files import Replacing, discard_empty
+from navbench.experiments.files import replacing, discard_empty
 from navbench.experiments.rows import latency_table, trajectory_table
 from navbench.metrics import Metric
 from navbench.records import CellKey, Names, RobotRecord, TuningKey
@@ -301,14 +301,14 @@ class Results:
 
         if code:
             table = table.replace_schema_metadata({CODE: code})
-        with Replacing(self.path / name) as temporary:
+        with replacing(self.path / name) as temporary:
             pq.write_table(table, temporary, compression="zstd")
 
     def _write_json(self, name: str, value: Mapping[str, Any]) -> None:
         self._write(name, (json.dumps(value, indent=2) + "\n").encode())
 
     def _write(self, name: str, content: bytes) -> None:
-        with Replacing(self.path / name) as temporary:
+        with replacing(self.path / name) as temporary:
             temporary.write_bytes(content)
 
 
@@ -389,5 +389,5 @@ def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], la
 
 def write_table(file: Path, text: str) -> None:
     """Write a table beside results, whole or not at all."""
-    with Replacing(file) as temporary:
+    with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

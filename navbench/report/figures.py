@@ -1,7 +1,6 @@
 """Figures of stored results: trajectories over their world; and how a figure is saved."""
 
 import io
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import StoredResults
+from navbench.experiments.files import replacing
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -152,7 +152,6 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
     """
     import matplotlib
 
-    (out / "figures").mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
@@ -346,6 +345,5 @@ def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None]
     figure.set_layout_engine(None)
     figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
     figure.set_layout_engine(layout)
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    temporary.write_bytes(content.getvalue())
-    os.replace(temporary, file)
+    with replacing(file) as temporary:
+        temporary.write_bytes(content.getvalue())

@@ -1,18 +1,21 @@
 """The sections that a report's outline may name by one word; others it names by their dotted names."""
 
 import inspect
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 from navbench.analysis.resolving import resolve
-from navbench.report.claims import errata, findings, printed_table, verdicts
+from navbench.raised import first_line, one_line
+from navbench.report import latex, markdown
+from navbench.report.claims import check_sentences, errata, findings, printed_table, verdicts
 from navbench.report.comparison import comparison
 from navbench.report.convergence import tuners_compared
 from navbench.report.crossing import crossed_tables, success_map
 from navbench.report.described import memberships, rules
-from navbench.report.document import Block, Heading, Paragraph
+from navbench.report.document import Block, Blocks, Document, Heading, Paragraph, Problem, Table
 from navbench.report.outcomes import fleet_table, outcomes_table, robustness
 from navbench.report.page import Page, Section
 from navbench.report.provenance import sources
@@ -74,6 +77,8 @@ def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
     for needed, parameter in parameters.items():
         if needed not in spec and parameter.default is inspect.Parameter.empty:
             raise DescriptionError(f"{key}.{needed}: missing; {name} takes {allowed}")
+    if section is findings:
+        check_sentences(f"{key}.sentences", spec["sentences"], trust)
     return section
 
 
@@ -90,4 +95,30 @@ def build_section(page: Page, spec: Spec | str) -> list[Block]:
     title = spec.get("title") or name.replace("_", " ").capitalize()
     text = [Paragraph(spec["text"])] if spec.get("text") else []
     here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
-    return [Heading(title), *text, *section(here, **arguments)]
+    return [Heading(title), *text, *_built(section, here, arguments, str(spec["name"]))]
+
+
+def _built(section: Section, page: Page, arguments: Mapping[str, Any], name: str) -> Blocks:
+    """Return what a section returns, or where it fails, why: a user's own may raise anything, or return anything."""
+    try:
+        blocks = section(page, **arguments)
+        if isinstance(blocks, Sequence) and all(isinstance(block, get_args(Block)) for block in blocks):
+            markdown.render(Document("", blocks))
+            for block in blocks:
+                files_of(block)
+            return blocks
+        returned = f"must return a list of what stands in navbench.report.document; it returned {reprlib.repr(blocks)}"
+        return [Problem(f"section {name}: {returned}{first_line(section)}")]
+    except Exception as error:
+        return [Problem(f"section {name}: {one_line(error)}")]
+
+
+def files_of(block: Block) -> dict[str, str]:
+    """Return what the files of a table hold, by their names; of all else nothing."""
+    import pandas as pd
+
+    if not (isinstance(block, Table) and block.file):
+        return {}
+    raw = block.raw
+    csv = pd.DataFrame(raw.rows, columns=list(raw.names)).to_csv(index=False)
+    return {block.files["CSV"]: csv, block.files["LaTeX"]: latex.render(block)}
