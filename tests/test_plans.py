@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -17,6 +18,7 @@ from commands import NAVBENCH, Command
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tables import PANELS_MAX, _drawn
+from navbench.experiments import store
 from navbench.experiments.cells import BATCH_MAX, batches_of
 from navbench.experiments.code import code_of, roots_of
 from navbench.experiments.plan import Plan, batches_of_all
@@ -214,6 +216,41 @@ def test_a_picture_of_many_cells_shows_some_of_them_and_the_output_says_so(comma
     assert done.code == 0, done.err
     assert "trajectories.png: 18 of 35 cells, taken evenly from the table" in done.out
     assert len(_drawn(Results(tmp_path / "sweep"))) == 18
+
+
+def test_a_picture_is_drawn_again_only_where_episodes_have_changed(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from navbench.report import figures
+
+    save = Mock(wraps=figures.save_trajectories)
+    monkeypatch.setattr(figures, "save_trajectories", save)
+    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=1")
+    picture = tmp_path / "here/trajectories.png"
+    first, again = (command(*words, "hydra.run.dir=here") for _ in range(2))
+    assert (first.out, save.call_count) == (again.out, 1)
+    before = picture.read_bytes()
+    next(tmp_path.glob("here/episodes/*")).unlink()
+    command(*words, "hydra.run.dir=here")
+    assert (picture.read_bytes(), save.call_count) == (before, 2)
+    picture.unlink()
+    command(*words, "hydra.run.dir=here")
+    assert (picture.read_bytes(), save.call_count) == (before, 3)
+
+
+def test_a_table_of_episodes_is_read_once_and_again_when_a_part_has_changed(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = run_plan(plan_of(own, "mine"), own / "results", 1).results
+    reader = Mock(wraps=store._table_of)
+    monkeypatch.setattr(store, "_table_of", reader)
+    table = results.episodes()
+    table["outcome"] = "changed by a reader"
+    assert set(results.episodes()["outcome"]) == {"timed_out"}
+    assert not reader.called
+    next((own / "results/episodes").iterdir()).unlink()
+    assert len(results.episodes()) < len(table)
+    assert reader.call_count == 2
 
 
 SWEEP = ("-m", "controller=sflc,pid", "world=corner,no_deadlock", "start_jitter_m=0.02", "episodes=12")

@@ -191,7 +191,8 @@ class _Running:
         """Run the episodes that are missing, those of all cells side by side."""
         results = self.results
         cells = [self._tuned(cell) for cell in self.plan.cells]
-        self._write_manifest(cells)
+        if self.plan.tunings:
+            self._write_manifest(cells)
         self._write_descriptions(cells)
         batches = {batch_name(key, batch.episodes): (key, batch) for key, batch in batches_of_all(cells)}
         codes = {name: self._code(batch.cell.configuration) for name, (_, batch) in batches.items()}

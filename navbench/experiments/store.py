@@ -10,11 +10,12 @@ import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments.files import replacing, discard_empty
+from navbench.experiments.files import discard_empty, replacing
 from navbench.experiments.rows import latency_table, trajectory_table
 from navbench.metrics import Metric
 from navbench.records import CellKey, Names, RobotRecord, TuningKey
@@ -254,7 +255,7 @@ class Results:
 
     def episodes(self) -> "pd.DataFrame":
         """Return the table of episodes: one row a robot and episode, sorted by run, episode and robot."""
-        return self._read("episodes", ["run_id", "episode", "robot_index"])
+        return self._read("episodes", ["run_id", "episode", "robot_index"]).copy()
 
     def trajectories(self, run_id: str = "") -> "pd.DataFrame":
         """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time."""
@@ -285,16 +286,13 @@ class Results:
         return {file.stem: _table_of(file).to_pandas() for file in files}
 
     def _read(self, kind: str, order: list[str], of: str = "") -> "pd.DataFrame":
-        import pyarrow as pa
-
         parts = sorted((self.path / kind).glob(f"part-{of}*.parquet"))
         if kind in ("trajectories", "latency"):  # a batch's episodes are written last: without them it is unfinished
             parts = [part for part in parts if self.has("episodes", part.name)]
         if not parts:
             raise ResultsError(f"{self.path}: no results here: {kind}/ holds no part" + (f" of {of}" if of else ""))
-        table = pa.concat_tables(map(_table_of, parts), promote_options="permissive").combine_chunks()
-        frame: pd.DataFrame = table.to_pandas()
-        return frame.sort_values(order, kind="stable", ignore_index=True)
+        read = _frame_of if kind == "episodes" else _frame_of.__wrapped__
+        return read(tuple((part, part.stat().st_mtime_ns) for part in parts), tuple(order))
 
     def _write_table(self, name: str, table: "pa.Table", code: str = "") -> None:
         import pyarrow.parquet as pq
@@ -318,6 +316,16 @@ def _table_of(file: Path) -> "pa.Table":
 
     with pq.ParquetFile(file) as opened:
         return opened.read(use_threads=False)
+
+
+@lru_cache(maxsize=4)
+def _frame_of(parts: tuple[tuple[Path, int], ...], order: tuple[str, ...]) -> "pd.DataFrame":
+    """Return some parts, each with the time of its last change, as one sorted table."""
+    import pyarrow as pa
+
+    table = pa.concat_tables((_table_of(part) for part, _ in parts), promote_options="permissive").combine_chunks()
+    frame: pd.DataFrame = table.to_pandas()
+    return frame.sort_values(list(order), kind="stable", ignore_index=True)
 
 
 def _now() -> str:
