@@ -130,6 +130,30 @@ def test_parts_of_other_code_may_be_kept_and_that_is_recorded(own: Path, caplog:
     assert (note["changed"], note["parts"], note["kept"]) == (["mine_speed"], 3, True)
 
 
+def test_the_manifest_holds_the_modules_behind_the_digest_of_every_part_that_is_there_and_of_no_other(
+    own: Path,
+) -> None:
+    def run(speed: float, other_code: bool) -> dict[str, str]:
+        """Return which code of ``mine_speed`` made each part, as the manifest tells."""
+        (own / "mine_speed.py").write_text(f"SPEED_MPS = {speed}\n")
+        results = run_plan(plan_of(own, "mine"), own / "results", 1, other_code=other_code).results
+        codes = results.manifest()["codes"]
+        made = {part.name: results.code_of("episodes", part.name) for part in (own / "results/episodes").iterdir()}
+        assert set(codes) == set(made.values())
+        assert results.manifest()["code"] == {n: c for d in made.values() for n, c in codes[d].items()} or other_code
+        return {name: codes[code]["mine_speed"] for name, code in made.items()}
+
+    first = run(0.1, other_code=False)
+    (own / "results/episodes" / min(first)).unlink()
+    mixed = run(0.2, other_code=True)
+    assert mixed[min(first)] != first[min(first)]
+    assert {name: code for name, code in mixed.items() if name != min(first)} == {
+        name: code for name, code in first.items() if name != min(first)
+    }
+    assert run(0.2, other_code=True) == mixed
+    assert set(run(0.2, other_code=False).values()) == {mixed[min(first)]}
+
+
 def test_a_directory_with_other_work_is_refused_and_stays(own: Path) -> None:
     run_plan(plan_of(own, "mine"), own / "results", 1)
     before = {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()}

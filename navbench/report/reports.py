@@ -126,10 +126,15 @@ def _words(numbers: Sequence[int]) -> str:
 
 
 def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline."""
+    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline.
+
+    Of the code of parts there is only what is not that of the last run.
+    """
     kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended")}
+    codes = {name: of for name, of in manifest.get("codes", {}).items() if not of.items() <= manifest["code"].items()}
     return {
         **kept,
+        **({"codes": codes} if "codes" in kept else {}),
         "study": {key: manifest["study"][key] for key in ("name", "title")},
         "cells": [{key: cell[key] for key in (*NAMED, *WHERE)} for cell in manifest["cells"]],
         "tunings": [{key: tuning[key] for key in TUNED} for tuning in manifest["tunings"]],
