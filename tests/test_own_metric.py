@@ -129,7 +129,7 @@ def test_a_metric_is_compared_the_way_that_is_better(folder: Path, command: Comm
         ("own_metrics.taken", "metrics[0]=own_metrics.taken: its name label is taken"),
         ("time_s", "metrics[0]=time_s: its name time_s is taken"),
         ("own_metrics.detour,own_metrics.detour", "metrics[1]=own_metrics.detour: its name detour is taken"),
-        ("nowhere.detour", "metrics[0]=nowhere.detour: cannot be imported (ModuleNotFoundError"),
+        ("nowhere.detour", "metrics[0]=nowhere.detour: cannot be imported: ModuleNotFoundError"),
     ],
 )
 def test_what_is_no_metric_is_refused_in_one_line(names: str, message: str, folder: Path) -> None:

@@ -6,6 +6,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from navbench.raised import one_line
 from navbench.validation import DescriptionError, instead
 
 OWN = ("navbench.analysis.", "navbench.controllers.", "navbench.report.")  # what lies beside them may be results
@@ -30,8 +31,7 @@ def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any
     try:
         found = getattr(import_module(module or home), last, None)
     except Exception as error:  # a user's module may raise anything
-        text = " ".join(f"{type(error).__name__}: {error}".split())
-        raise DescriptionError(f"{key}={name}: cannot be imported ({text})") from None
+        raise DescriptionError(f"{key}={name}: cannot be imported: {one_line(error)}") from None
     if last.startswith("_") or not inspect.isfunction(found) or not (trust or found.__module__.startswith(OWN)):
         there = instead(last, _public(import_module(module or home)))
         raise DescriptionError(f"{key}={name}: there is no such function; {there}, or module.function")

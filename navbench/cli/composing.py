@@ -1,5 +1,6 @@
 """From the words of a command line to composed configurations, by Hydra."""
 
+import gc
 import itertools
 import os
 import re
@@ -70,10 +71,12 @@ def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
     Plugins.instance().register(UserFolder)
     token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
     GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
+    gc.freeze()  # Hydra leaves much garbage, and a third of its time would go into looking through all else
     try:
         with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
             yield Composer()
     finally:
+        gc.unfreeze()
         FOLDER.reset(token)
         GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
 

@@ -39,7 +39,8 @@ options
   --cfg job                                         print the composed configuration and run nothing
   --version, -h, --help                             also after tune, study and report
 
-exit code: 0 if every planned episode has its row, 3 if some do not, 2 for wrong input, 130 when interrupted
+exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
+           130 when interrupted
 """
 VERBS = ("list", "tune", "study", "report")
 

@@ -42,8 +42,9 @@ def study(arguments: Sequence[str]) -> int:
 
     name = words.names[0]
 
-    def finish(results: Results) -> None:
-        print_written(write_report([results], Path("results") / name, partial(in_processes, **options), trust=True))
+    def finish(results: Results) -> int:
+        each = partial(in_processes, **options)
+        return print_written(write_report([results], Path("results") / name, each, trust=True))
 
     plan, path = compose_study(name, words.config_dir), Path("outputs/study") / name
     again = shlex.join(["navbench", "study", *arguments])

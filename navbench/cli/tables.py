@@ -1,6 +1,7 @@
 """The table and the picture of a results directory: of a run, a sweep or a tuning, whole or as far as it came."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.experiments.store import Results, write_table
@@ -30,14 +31,20 @@ def print_tables(results: Results) -> None:
 
 
 def write_tables(results: Results) -> "pd.DataFrame":
-    """Write the table of the cells that have episodes, as CSV and Markdown, and a picture; and return the table."""
-    from navbench.report.figures import save_trajectories
+    """Write the table of the cells that have episodes, as CSV and Markdown, and return it.
+
+    A picture is drawn where there is none, or where episodes, or how they are drawn, have changed since.
+    """
+    from navbench.report import figures
     from navbench.report.tables import to_markdown
 
     table = _table_of(results)
     write_table(results.path / "table.csv", table.to_csv(index=False))
     write_table(results.path / "table.md", to_markdown(table))
-    save_trajectories(results, _drawn(results), results.path / "trajectories.png")
+    picture = results.path / "trajectories.png"
+    drawn_of = (results.path / "episodes", results.path / "trajectories", Path(figures.__file__))
+    if not (picture.is_file() and all(picture.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
+        figures.save_trajectories(results, _drawn(results), picture)
     return table
 
 

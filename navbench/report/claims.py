@@ -4,13 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verdicts_in
-from navbench.analysis.measuring import arguments, check_measure, measure
+from navbench.analysis.claims import EVIDENCE, FAILED, claims_of, judged, quantity, verdicts_in
+from navbench.analysis.measuring import MeasureError, arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.mathematics.statistics import Estimate
-from navbench.report.document import FORMS, MISSING, Blocks, Column, Data, Figure, Finding, Table, words
+from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Problem, Table, words
 from navbench.report.page import Page, Select
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
 SHOWN = ("show", "decimals", "signed")
@@ -24,16 +24,35 @@ def findings(page: Page, *, sentences: Sequence[Mapping[str, Any]]) -> Blocks:
         sentences: each ``say`` with names in braces, and for each name, under ``with``, its measure and how it is
             shown: ``show`` (value, interval, count or percent), ``decimals`` and ``signed``.
     """
-    return [_finding(page, f"sentences[{i}]", sentence) for i, sentence in enumerate(sentences)]
+    check_sentences("sentences", sentences, page.trust)
+    told: list[Block] = []
+    for i, sentence in enumerate(sentences):
+        try:
+            told.append(_finding(page, f"sentences[{i}]", sentence))
+        except MeasureError as error:
+            told.append(Problem(str(error)))
+    return told
+
+
+def check_sentences(key: str, sentences: Sequence[Mapping[str, Any]], trust: bool) -> None:
+    """Check the measures of sentences, and the forms in which they are shown.
+
+    Raises:
+        DescriptionError: there is no such measure or form, or an argument is unknown or missing.
+    """
+    for i, sentence in enumerate(sentences):
+        for name, spec in sentence.get("with", {}).items():
+            place, show = f"{key}[{i}].with.{name}", spec.get("show", "interval")
+            if show not in FORMS:
+                raise DescriptionError(f"{place}.show={show}: unknown; {instead(show, FORMS)}")
+            asked(place, spec, trust)
 
 
 def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     figures = {}
     for name, spec in sentence.get("with", {}).items():
-        if spec.get("show", "interval") not in FORMS:
-            raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
         of = asked(f"{key}.with.{name}", spec, page.trust)
-        found = measure(page.stored, spec["name"], of, trust=page.trust)
+        found = measure(page.stored, spec.get("name", ""), of, trust=page.trust, key=f"{key}.with.{name}")
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
     finding = Finding(sentence["say"], figures)
@@ -75,7 +94,9 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
     rows = [_told(claim) for claim in table.to_dict("records")]
     claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
-    return [Table("verdicts", columns, counts), claims]
+    failed = table[table["reason"].str.startswith(FAILED)].to_dict("records")
+    problems = [Problem(f"claims.{claim['id']}: {claim['reason']}") for claim in failed]
+    return [Table("verdicts", columns, counts), claims, *problems]
 
 
 def _told(claim: Mapping[Any, Any]) -> list[str]:

@@ -5,17 +5,17 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from navbench.analysis.claims import claims_of
+from navbench.analysis.claims import check_claims, claims_of
 from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results, write_table
-from navbench.report import latex, markdown
+from navbench.report import markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
 from navbench.report.page import Page
 from navbench.report.runs import Joined, sections_of
-from navbench.report.sections import Spec, build_section, check_section, named
+from navbench.report.sections import Spec, build_section, check_section, files_of, named
 
 Each = Callable[[Callable[[Spec | str], list[Block]], Sequence[Spec | str]], Iterable[list[Block]]]
 
@@ -24,10 +24,22 @@ WHERE = ("controller", "world", "robot", "sensors", "simulator", "episodes", "se
 TUNED = ("tuning_id", "config_hash", "name", "tuner", "objective", "controller", "worlds", "seed", "budget")
 
 
+class Written(NamedTuple):
+    """A report that was written.
+
+    Attributes:
+        files: what it consists of.
+        problems: why parts of it could not be made, a line each.
+    """
+
+    files: list[Path]
+    problems: list[str]
+
+
 def write_report(
     runs: Sequence[Results], out: Path, each: Each = map, trust: bool = False, config_dir: str | None = None
-) -> list[Path]:
-    """Write a report of some results directories, and return the files that it consists of.
+) -> Written:
+    """Write a report of some results directories; what of it fails is told in its place, and costs nothing else.
 
     A study that says what its report holds gets that report: ``report.md``, ``findings.json``, ``claims.csv``,
     ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other studies get one report together.
@@ -49,19 +61,19 @@ def write_report(
     others = [stored for stored in every if stored not in studies.values()]
     if len(studies) == 1 and not others:
         return _study(next(iter(studies.values())), out, each, trust, config_dir)
-    files: list[Path] = []
-    links = []
-    for name, stored in studies.items():
-        files += _study(stored, out / name, each, trust, config_dir)
-        links.append(Link(stored.manifest["study"]["title"], f"{name}/report.md"))
+    told = [_study(stored, out / name, each, trust, config_dir) for name, stored in studies.items()]
+    links = [Link(stored.manifest["study"]["title"], f"{name}/report.md") for name, stored in studies.items()]
     document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
-    joined = write_document(Document(document.title, [*document.blocks, *links]), out)
-    return list(dict.fromkeys([*joined, *files]))
+    files = write_document(Document(document.title, [*document.blocks, *links]), out)
+    own = Written(files, document.problems)
+    every_file = dict.fromkeys(file for written in (own, *told) for file in written.files)
+    return Written(list(every_file), [problem for written in (own, *told) for problem in written.problems])
 
 
-def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir: str | None) -> list[Path]:
-    """Write a study's report and return its files."""
+def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir: str | None) -> Written:
+    """Write a study's report."""
     study, manifest = stored.manifest["study"], stored.manifest
+    check_claims("claims", study["claims"], trust)
     for i, spec in enumerate(study["report"]):
         check_section(f"report[{i}]", spec, trust)
     page = Page(stored, out, trust=trust)
@@ -71,7 +83,7 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
-    return [*write_document(document, out), out / "findings.json"]
+    return Written([*write_document(document, out), out / "findings.json"], document.problems)
 
 
 def _runs(runs: Sequence[Results], out: Path) -> Document:
@@ -84,12 +96,9 @@ def _runs(runs: Sequence[Results], out: Path) -> Document:
 
 def write_document(document: Document, out: Path) -> list[Path]:
     """Write a report and its tables, and return its files; the plots are there."""
-    import pandas as pd
-
-    for table in (block for block in document.blocks if isinstance(block, Table) and block.file):
-        raw = table.raw
-        write_table(out / table.files["CSV"], pd.DataFrame(raw.rows, columns=list(raw.names)).to_csv(index=False))
-        write_table(out / table.files["LaTeX"], latex.render(table))
+    for block in document.blocks:
+        for name, text in files_of(block).items():
+            write_table(out / name, text)
     write_table(out / "report.md", markdown.render(document))
     return [out / "report.md", *(out / name for name in document.files)]
 
@@ -137,10 +146,15 @@ def _words(numbers: Sequence[int]) -> str:
 
 
 def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline."""
+    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline.
+
+    Of the code of parts there is only what is not that of the last run.
+    """
     kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended")}
+    codes = {name: of for name, of in manifest.get("codes", {}).items() if not of.items() <= manifest["code"].items()}
     return {
         **kept,
+        **({"codes": codes} if "codes" in kept else {}),
         "study": {key: manifest["study"][key] for key in ("name", "title")},
         "cells": [{key: cell[key] for key in (*NAMED, *WHERE)} for cell in manifest["cells"]],
         "tunings": [{key: tuning[key] for key in TUNED} for tuning in manifest["tunings"]],

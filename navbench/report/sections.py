@@ -1,24 +1,29 @@
 """The sections that a report's outline may name by one word; others it names by their dotted names."""
 
 import inspect
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 from navbench.analysis.resolving import check_arguments, resolve
+from navbench.raised import first_line, one_line
 from navbench.report import (
     claims,
     comparison,
     convergence,
     crossing,
     described,
+    latex,
+    markdown,
     outcomes,
     provenance,
     tables,
     trajectories,
     wheels,
 )
-from navbench.report.document import Block, Heading, Paragraph
+from navbench.report.claims import check_sentences, findings
+from navbench.report.document import Block, Blocks, Document, Heading, Paragraph, Problem, Table
 from navbench.report.page import Page, Section
 from navbench.validation import DescriptionError, instead
 
@@ -69,6 +74,8 @@ def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
     section = SECTIONS.get(name) or resolve(f"{key}.name", name, "", trust=trust)
     _, *parameters = inspect.signature(section).parameters.values()
     check_arguments(f"{key}.", name, parameters, [word for word in spec if word != "name"], COMMON)
+    if section is findings:
+        check_sentences(f"{key}.sentences", spec["sentences"], trust)
     return section
 
 
@@ -85,4 +92,30 @@ def build_section(page: Page, spec: Spec | str) -> list[Block]:
     title = spec.get("title") or name.replace("_", " ").capitalize()
     text = [Paragraph(spec["text"])] if spec.get("text") else []
     here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
-    return [Heading(title), *text, *section(here, **arguments)]
+    return [Heading(title), *text, *_built(section, here, arguments, str(spec["name"]))]
+
+
+def _built(section: Section, page: Page, arguments: Mapping[str, Any], name: str) -> Blocks:
+    """Return what a section returns, or where it fails, why: a user's own may raise anything, or return anything."""
+    try:
+        blocks = section(page, **arguments)
+        if isinstance(blocks, Sequence) and all(isinstance(block, get_args(Block)) for block in blocks):
+            markdown.render(Document("", blocks))
+            for block in blocks:
+                files_of(block)
+            return blocks
+        returned = f"must return a list of what stands in navbench.report.document; it returned {reprlib.repr(blocks)}"
+        return [Problem(f"section {name}: {returned}{first_line(section)}")]
+    except Exception as error:
+        return [Problem(f"section {name}: {one_line(error)}")]
+
+
+def files_of(block: Block) -> dict[str, str]:
+    """Return what the files of a table hold, by their names; of all else nothing."""
+    import pandas as pd
+
+    if not (isinstance(block, Table) and block.file):
+        return {}
+    raw = block.raw
+    csv = pd.DataFrame(raw.rows, columns=list(raw.names)).to_csv(index=False)
+    return {block.files["CSV"]: csv, block.files["LaTeX"]: latex.render(block)}

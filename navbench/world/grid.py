@@ -169,7 +169,8 @@ def ray_to_cell(ax: float, ay: float, ux: float, uy: float, far_m: float, free: 
     while t <= limit and 0 <= row < height and 0 <= column < width:
         c = np.intp(free[row, column])
         if c == 0:
-            return t * place[2]
+            hit: float = t * place[2]
+            return hit
         left_end, right_end, low_end, high_end = column - c + 1, column + c, row - c + 1, row + c
         out_x = ((right_end if is_right else left_end) - px) * across
         out_y = ((high_end if is_up else low_end) - py) * along
