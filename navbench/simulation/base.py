@@ -42,7 +42,7 @@ FloatArray = NDArray[np.float64]
 
 _BEGUN = (
     *("x_m", "y_m", "heading_rad", "arc_x_m", "arc_y_m", "arc_heading_rad"),
-    *("goal_x_m", "goal_y_m", "held_m", "running"),
+    *("goal_x_m", "goal_y_m", "running"),
 )
 
 
@@ -142,7 +142,7 @@ class Simulator(ABC):
         self.scene = scene = Scene(layout)
         self.robots = np.zeros(count, ROBOT)
         for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
-            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, math.nan, 1)
+            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, 1)
         self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
         self.pipeline = (
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
@@ -173,8 +173,8 @@ class Simulator(ABC):
     @property
     def touching(self) -> list[bool]:
         """Whether each robot touches something that it hit."""
-        held: list[bool] = (~np.isnan(self.robots["held_m"])).tolist()
-        return held
+        touches: list[bool] = self.robots["touches"].astype(bool).tolist()
+        return touches
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].

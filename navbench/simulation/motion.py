@@ -31,9 +31,10 @@ SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something m
 TOUCH_RADII = 1e-12  # what is nearer touches
 ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
 TURN_S = 1e-9  # movers that turn within this have turned
+GRID_S = 1e-6 / math.pi  # where a search is taken up again; no instant that people write lies on it
 STEPS_MAX = 100_000  # of the search for one contact: ten are many, but to circle a post at 1e-9 radii takes thousands
 
-NONE, BOX, DISC, POLYGON, CELL, ROBOT_KIND, GOAL = range(7)  # what may be met
+NONE, BOX, DISC, POLYGON, CELL, ROBOT_KIND, GOAL, LINE = range(8)  # what may be met
 RUNNING, REACHED, COLLIDED, STOPPED = range(4)  # what may have become of a robot
 
 
@@ -57,14 +58,14 @@ class RobotState(NamedTuple):
         arc_x_m: where its present arc begins [m].
         arc_y_m: where that is [m].
         arc_heading_rad: where it looked there.
-        arc_s: for how long it has followed the arc [s].
+        arc_t_s: when that was [s].
         left_mean_mps: the left wheel's mean speed on the arc [m/s].
         right_mean_mps: the right wheel's.
-        held_m: the clearance at which a contact holds it [m], nan for none.
         end_s: when it ended [s].
         running: whether it has no outcome yet.
         outcome: ``RUNNING``, ``REACHED``, ``COLLIDED`` or ``STOPPED``.
         is_held: whether it stands until the present substep ends, because it hit something.
+        touches: whether it touches something that it hit.
         hit: of what kind the last thing is that it hit, ``NONE`` for none.
         hit_index: its row in the scene's arrays, or its number among the robots.
         contacts: how often it touched something.
@@ -88,14 +89,14 @@ class RobotState(NamedTuple):
     arc_x_m: float
     arc_y_m: float
     arc_heading_rad: float
-    arc_s: float
+    arc_t_s: float
     left_mean_mps: float
     right_mean_mps: float
-    held_m: float
     end_s: float
     running: int
     outcome: int
     is_held: int
+    touches: int
     hit: int
     hit_index: int
     contacts: int
@@ -151,7 +152,7 @@ def advance(
         robots[i].left_travel_m, robots[i].right_travel_m = 0.0, 0.0
     if fixed[0].delay_s == 0.0:
         in_force[:] = issued
-        _drive(robots, in_force, scenery, fixed[0], t_s, dt_s)
+        _drive(robots, in_force, scenery, fixed[0], t_s, t_s + dt_s)
     else:
         flight_s[flying[0]] = t_s + fixed[0].delay_s
         flight[flying[0]] = issued
@@ -159,11 +160,11 @@ def advance(
         begin, landed = t_s, 0
         while landed < flying[0] and flight_s[landed] < t_s + dt_s - 1e-12:
             if flight_s[landed] > begin:
-                _drive(robots, in_force, scenery, fixed[0], begin, flight_s[landed] - begin)
+                _drive(robots, in_force, scenery, fixed[0], begin, flight_s[landed])
                 begin = flight_s[landed]
             in_force[:] = flight[landed]
             landed += 1
-        _drive(robots, in_force, scenery, fixed[0], begin, t_s + dt_s - begin)
+        _drive(robots, in_force, scenery, fixed[0], begin, t_s + dt_s)
         flying[0] -= landed
         for k in range(flying[0]):
             flight_s[k], flight[k] = flight_s[k + landed], flight[k + landed]
@@ -174,9 +175,7 @@ def advance(
 
 
 @compiled
-def _drive(
-    robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, duration_s: float
-) -> None:
+def _drive(robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, end_s: float) -> None:
     """Move everything while one command is in force for each robot, (n, 2) wheel speeds [m/s]."""
     fastest = fixed.fastest_mover_mps
     for i in range(robots.shape[0]):
@@ -184,89 +183,90 @@ def _drive(
             left = max(abs(robots[i].left_mps), abs(targets[i, 0]))
             right = max(abs(robots[i].right_mps), abs(targets[i, 1]))
             fastest = max(fastest, 0.5 * (left + right))
-    substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * fixed.radius_m) - 1e-9))
-    h = duration_s / substeps
+    substeps = max(1, math.ceil(fastest * (end_s - t_s) / (SUBSTEP_RADII * fixed.radius_m) - 1e-9))
+    h, begin = (end_s - t_s) / substeps, t_s
     for k in range(substeps):
         for i in range(robots.shape[0]):
             if robots[i].running:
-                _begin_arc(robots[i], targets[i, 0], targets[i, 1], fixed, h)
-        _substep(robots, scenery, fixed, t_s + k * h, h, fastest)
+                _begin_arc(robots[i], targets[i, 0], targets[i, 1], fixed, begin, h)
+        end = t_s + (k + 1) * h if k + 1 < substeps else end_s
+        _substep(robots, scenery, fixed, begin, end, fastest)
+        begin = end
 
 
 @compiled
-def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, h: float) -> None:
+def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, t_s: float, h: float) -> None:
     """Turn the wheels of a robot for a substep: its arc goes on where their mean speeds are those of before."""
     left, robot.left_mps = _wheel(robot.left_mps, left_target, fixed, h)
     right, robot.right_mps = _wheel(robot.right_mps, right_target, fixed, h)
     if left != robot.left_mean_mps or right != robot.right_mean_mps or robot.is_held:
-        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, robot.arc_s = robot.x_m, robot.y_m, robot.heading_rad, 0.0
+        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, robot.arc_t_s = (
+            robot.x_m,
+            robot.y_m,
+            robot.heading_rad,
+            t_s,
+        )
     robot.left_mean_mps, robot.right_mean_mps, robot.is_held = left, right, 0
 
 
 @compiled
-def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, h: float, fastest_mps: float) -> None:
+def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, end_s: float, fastest_mps: float) -> None:
     """Move everything through one substep, from event to event."""
     discs, polygons, round_movers, outlined_movers = scenery[1], scenery[2], scenery[4], scenery[5]
     moves = fixed.fastest_mover_mps > 0.0
-    begin = 0.0
-    while begin < h:
-        end = h
+    now = t_s
+    while now < end_s:
+        until = end_s
         if moves:
-            turn = min(time_to_turn(t_s + begin, *round_movers), time_to_turn(t_s + begin, *outlined_movers))
-            end = min(h, begin + max(turn, TURN_S))
-        when, who, kind, what = _first_event(robots, scenery, fixed, begin, end, fastest_mps)
-        begin = min(when, end)
+            turn = min(time_to_turn(now, *round_movers), time_to_turn(now, *outlined_movers))
+            until = min(end_s, now + max(turn, TURN_S))
+        when, who, kind, what = _first_event(robots, scenery, fixed, now, until, end_s - t_s, fastest_mps)
+        now = min(when, until)
         if moves:
-            place_movers(t_s + begin, *round_movers, discs)
-            place_movers(t_s + begin, *outlined_movers, polygons)
+            place_movers(now, *round_movers, discs)
+            place_movers(now, *outlined_movers, polygons)
         if kind != NONE:
-            _pose_all(robots, begin, fixed)
+            _pose_all(robots, now, fixed)
             measure_clearance(robots, scenery, fixed.radius_m)
-            _meet(robots, who, kind, what, t_s, begin, fixed)
+            _meet(robots[who], kind, what, t_s, now, fixed)
             if kind == ROBOT_KIND and robots[what].running and not robots[what].is_held:
-                _meet(robots, what, ROBOT_KIND, who, t_s, begin, fixed)
-    _pose_all(robots, h, fixed)
+                _meet(robots[what], ROBOT_KIND, who, t_s, now, fixed)
+    _pose_all(robots, end_s, fixed)
     measure_clearance(robots, scenery, fixed.radius_m)
     for i in range(robots.shape[0]):
         robot = robots[i]
         if robot.running:
             robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
-            if robot.is_held:
-                robot.held_m = max(robot.held_m, robot.clearance_m)
-            else:
-                _count(robot, h, fixed.track_m)
-                robot.arc_s += h
-                if robot.clearance_m > max(robot.held_m, 0.0) + ROUNDING_RADII * fixed.radius_m:
-                    robot.held_m = math.nan
+            robot.touches &= robot.clearance_m <= ROUNDING_RADII * fixed.radius_m
+            if not robot.is_held:
+                _count(robot, end_s - t_s, fixed.track_m)
 
 
 @compiled
-def _meet(robots: RobotArray, who: int, kind: int, what: int, t_s: float, since_s: float, fixed: Any) -> None:
-    """Let one robot, posed where it is at an instant of a substep, arrive or touch something."""
-    robot = robots[who]
-    _count(robot, since_s, fixed.track_m)
+def _meet(robot: Any, kind: int, what: int, begin_s: float, t_s: float, fixed: Any) -> None:
+    """Let a robot, posed where it is at an instant of the substep that began then, arrive or touch something."""
+    _count(robot, t_s - begin_s, fixed.track_m)
     if kind != GOAL:
-        if math.isnan(robot.held_m):
+        if not robot.touches:
             robot.contacts += 1
             robot.robot_contacts += kind == ROBOT_KIND
             robot.standing_contacts += robot.left_mean_mps == 0.0 and robot.right_mean_mps == 0.0
-        robot.hit, robot.hit_index = kind, what
-        robot.held_m = robot.clearance_m if math.isnan(robot.held_m) else max(robot.held_m, robot.clearance_m)
+        robot.touches, robot.hit, robot.hit_index = 1, kind, what
         if fixed.blocks:
             robot.is_held, robot.left_mps, robot.right_mps = 1, 0.0, 0.0
             return
     robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
     robot.outcome = REACHED if kind == GOAL else COLLIDED
-    robot.running, robot.end_s = 0, t_s + since_s
+    robot.running, robot.end_s = 0, t_s
 
 
 @compiled
-def _pose_all(robots: RobotArray, since_s: float, fixed: Any) -> None:
+def _pose_all(robots: RobotArray, t_s: float, fixed: Any) -> None:
     """Put every robot that moves where it is at an instant of the substep."""
     for i in range(robots.shape[0]):
         if robots[i].running and not robots[i].is_held:
             robot = robots[i]
-            robot.x_m, robot.y_m, heading = _pose(robot, since_s, fixed.track_m)
+            robot.x_m, robot.y_m, heading = _pose(robot, t_s, fixed.track_m)
             robot.heading_rad = wrap_angle(heading)
 
 
@@ -278,74 +278,78 @@ def _velocities(robot: Any, track_m: float) -> tuple[float, float]:
 
 
 @compiled
-def _pose(robot: Any, since_s: float, track_m: float) -> tuple[float, float, float]:
-    """Return where a moving robot is at an instant of the substep."""
+def _pose(robot: Any, t_s: float, track_m: float) -> tuple[float, float, float]:
+    """Return where a moving robot is at an instant of its arc."""
     v, w = _velocities(robot, track_m)
     pose: tuple[float, float, float] = advance_arc(
-        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + since_s
+        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, t_s - robot.arc_t_s
     )
     return pose
 
 
 @compiled
 def _first_event(
-    robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, fastest_mps: float
+    robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, span_s: float, fastest_mps: float
 ) -> tuple[float, int, int, int]:
-    """Return the first event between two instants of a substep: when, whose, of what kind, and with what.
+    """Return the first event between two instants of a substep of this length: when, whose, of what kind, with what.
 
     Contact beats arrival at the same instant; otherwise the first robot and the first thing of the scene count.
     """
     boxes, discs, polygons, line, _, _, free, place = scenery
     first, who, kind, what = math.inf, -1, NONE, -1
-    limit = end
+    limit, near = end, fixed.radius_m * (1.0 + ROUNDING_RADII)
     for i in range(robots.shape[0]):
         robot = robots[i]
-        if not robot.running:
-            continue
-        v = 0.0 if robot.is_held else 0.5 * abs(robot.left_mean_mps + robot.right_mean_mps)
+        v = abs(_velocities(robot, fixed.track_m)[0])
+        far = near + (v + fastest_mps) * span_s
         # the clearance is that of the substep's beginning or of an event in it
-        if robot.clearance_m <= (v + fastest_mps) * end + fixed.radius_m * ROUNDING_RADII and not robot.is_held:
-            for k in range(boxes.shape[0]):
-                when = _contact(robot, fixed, begin, limit, BOX, boxes, k, fixed.radius_m)
-                if when < first:
-                    first, limit, who, kind, what = when, when, i, BOX, k
-            for k in range(discs.shape[0]):
-                when = _contact(robot, fixed, begin, limit, DISC, discs, k, fixed.radius_m)
+        if not robot.running or robot.is_held or robot.clearance_m > far - fixed.radius_m:
+            continue
+        for k in range(boxes.shape[0]):
+            when = _first_touch(robot, robot, fixed, begin, limit, BOX, boxes, k)
+            if when < first:
+                first, limit, who, kind, what = when, when, i, BOX, k
+        for k in range(discs.shape[0]):
+            if math.hypot(robot.x_m - discs[k, 0], robot.y_m - discs[k, 1]) - discs[k, 2] <= far:
+                when = _first_touch(robot, robot, fixed, begin, limit, DISC, discs, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, DISC, k
-            for k in range(polygons.shape[0]):
-                when = _contact(robot, fixed, begin, limit, POLYGON, polygons, k, fixed.radius_m)
+        for k in range(polygons.shape[0]):
+            if math.hypot(robot.x_m - polygons[k, 0], robot.y_m - polygons[k, 1]) - polygons[k, 2] <= far:
+                when = _first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
-            if free.shape[0]:
-                reach = fixed.radius_m * (1.0 + ROUNDING_RADII) + 2.0 * v * end
-                cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
-                low_row, high_row = _cells(robot.y_m, reach, place[1], place[2], free.shape[0])
-                low_column, high_column = _cells(robot.x_m, reach, place[0], place[2], free.shape[1])
-                for row in range(low_row, high_row):
-                    for column in range(low_column, high_column):
-                        if free[row, column] == 0:
-                            cell[0, 0] = place[0] + place[2] * (column + 0.5)
-                            cell[0, 1] = place[1] + place[2] * (row + 0.5)
-                            when = _contact(robot, fixed, begin, limit, BOX, cell, 0, fixed.radius_m)
-                            if when < first:
-                                first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
-            for k in range(robots.shape[0]):
-                if k < i and robots[k].running and not robots[k].is_held or k == i:
-                    continue  # a pair of two that move is looked at once
-                when = _encounter(robot, robots[k], fixed, begin, limit)
+        if free.shape[0]:
+            cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
+            low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[0])
+            low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[1])
+            for row in range(low_row, high_row):
+                for column in range(low_column, high_column):
+                    if free[row, column] == 0:
+                        cell[0, 0] = place[0] + place[2] * (column + 0.5)
+                        cell[0, 1] = place[1] + place[2] * (row + 0.5)
+                        when = _first_touch(robot, robot, fixed, begin, limit, BOX, cell, 0)
+                        if when < first:
+                            first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
+        for k in range(robots.shape[0]):
+            other = robots[k]
+            if k < i and other.running and not other.is_held or k == i:
+                continue  # a pair of two that move is looked at once
+            if math.hypot(robot.x_m - other.x_m, robot.y_m - other.y_m) - fixed.radius_m <= far:
+                when = _first_touch(robot, other, fixed, begin, limit, ROBOT_KIND, boxes, -1)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, ROBOT_KIND, k
     for i in range(robots.shape[0]):
         robot = robots[i]
-        if robot.running and not robot.is_held:
-            when = math.inf
-            if line.shape[0]:
-                when = _contact(robot, fixed, begin, limit, GOAL, line, 0, 0.0)
-            else:
-                when = _arrival(robot, fixed, begin, limit)
-            if when < first:
-                first, limit, who, kind, what = when, when, i, GOAL, -1
+        if not robot.running or robot.is_held:
+            continue
+        when = math.inf
+        if line.shape[0]:
+            when = _first_touch(robot, robot, fixed, begin, limit, LINE, line, 0)
+        elif math.hypot(robot.x_m - robot.goal_x_m, robot.y_m - robot.goal_y_m) - fixed.goal_tolerance_m <= near:
+            when = _first_touch(robot, robot, fixed, begin, limit, GOAL, boxes, -1)
+        if when < first:
+            first, limit, who, kind, what = when, when, i, GOAL, -1
     return first, who, kind, what
 
 
@@ -354,6 +358,76 @@ def _cells(at: float, reach: float, begin: float, side: float, count: int) -> tu
     """Return the first cell along an axis that comes within reach of a place, and the one after the last."""
     first, last = math.floor((at - reach - begin) / side), math.floor((at + reach - begin) / side)
     return max(int(first), 0), min(int(last) + 1, count)
+
+
+@compiled
+def _first_touch(
+    robot: Any, other: Any, fixed: Any, begin: float, end: float, kind: int, things: FloatArray, k: int
+) -> float:
+    """Return when between two instants of a substep a moving robot first touches something, infinite for never.
+
+    A robot that touches already and does not come nearer does not touch anew; a goal is reached from within too. What
+    is found is found again from an instant of a grid: the same to the last bit, wherever the search began.
+
+    Args:
+        robot: of ``ROBOT``.
+        other: of ``ROBOT``: the other one for ``ROBOT_KIND``, else of no matter.
+        fixed: of ``FIXED``.
+        begin: the first instant, at which the thing is where its row says [s].
+        end: the last one [s].
+        kind: ``BOX``, ``DISC``, ``POLYGON``, ``ROBOT_KIND``, ``GOAL``, or ``LINE`` for a finish line.
+        things: its rows, if it has any.
+        k: its row.
+    """
+    t, is_found = begin, False
+    for _ in range(STEPS_MAX):
+        gap, rate, bend = _gap(robot, other, fixed, t, begin, kind, things, k)
+        if gap > TOUCH_RADII * fixed.radius_m:
+            t += _step(gap, rate, bend)
+        elif rate >= 0.0 and kind != GOAL and kind != LINE:
+            t += max(_leave(rate, bend), TURN_S)
+        elif is_found:
+            break
+        else:
+            t, is_found = max(math.floor(t / GRID_S) * GRID_S, robot.arc_t_s), True
+        if t > end:
+            return math.inf
+    return max(t, begin)
+
+
+@compiled
+def _gap(
+    robot: Any, other: Any, fixed: Any, t: float, begin: float, kind: int, things: FloatArray, k: int
+) -> tuple[float, float, float]:
+    """Return how far a robot is from touching at an instant [m], how fast that grows, and what it may lose of that.
+
+    Everything is as in ``_first_touch``; the last number is the most by which the growth slows down [m/s^2].
+    """
+    v, w = _velocities(robot, fixed.track_m)
+    x, y, heading = _pose(robot, t, fixed.track_m)
+    vx, vy, bend, near = v * math.cos(heading), v * math.sin(heading), abs(v * w), fixed.radius_m
+    cx, cy = other.x_m, other.y_m
+    if kind == BOX or kind == LINE:
+        gap, nx, ny = box_gap(x, y, things, k)
+        return gap - (near if kind == BOX else 0.0), nx * vx + ny * vy, bend
+    if kind == DISC or kind == POLYGON:
+        ux, uy = things[k, 3], things[k, 4]
+        x, y, vx, vy = x - ux * (t - begin), y - uy * (t - begin), vx - ux, vy - uy
+        if kind == POLYGON:
+            gap, nx, ny = polygon_gap(x, y, things, k)
+            return gap - near, nx * vx + ny * vy, bend
+        cx, cy, near = things[k, 0], things[k, 1], near + things[k, 2]
+    elif kind == GOAL:
+        cx, cy, near = robot.goal_x_m, robot.goal_y_m, fixed.goal_tolerance_m
+    else:
+        near *= 2.0
+        if other.running and not other.is_held:
+            v, w = _velocities(other, fixed.track_m)
+            cx, cy, heading = _pose(other, t, fixed.track_m)
+            vx, vy, bend = vx - v * math.cos(heading), vy - v * math.sin(heading), bend + abs(v * w)
+    dx, dy = x - cx, y - cy
+    away = math.hypot(dx, dy)
+    return away - near, (dx * vx + dy * vy) / max(away, 1e-300), bend
 
 
 @compiled
@@ -367,112 +441,6 @@ def _step(gap: float, rate: float, bend: float) -> float:
 def _leave(rate: float, bend: float) -> float:
     """Return for how long rate t - bend t^2 / 2 stays positive; infinite for ever."""
     return 2.0 * rate / bend if bend > 0.0 else math.inf
-
-
-@compiled
-def _contact(
-    robot: Any, fixed: Any, begin: float, end: float, kind: int, things: FloatArray, k: int, radius_m: float
-) -> float:
-    """Return when between two instants of a substep a robot first touches a thing, infinite for never.
-
-    A robot that touches already and does not come nearer does not touch anew; a line is crossed wherever it stands.
-
-    Args:
-        robot: of ``ROBOT``.
-        fixed: of ``FIXED``.
-        begin: the first instant, at which the thing is where its row says [s].
-        end: the last one [s].
-        kind: ``BOX``, ``DISC``, ``POLYGON``, or ``GOAL`` for a finish line.
-        things: its rows.
-        k: its row.
-        radius_m: how near is touching [m].
-    """
-    v, w = _velocities(robot, fixed.track_m)
-    ux, uy = 0.0, 0.0
-    if kind == DISC or kind == POLYGON:
-        ux, uy = things[k, 3], things[k, 4]
-        if (
-            math.hypot(robot.x_m - things[k, 0], robot.y_m - things[k, 1]) - things[k, 2] - radius_m
-            > 2.0 * (abs(v) + math.hypot(ux, uy)) * end + fixed.radius_m
-        ):
-            return math.inf
-    bend, touch, t = abs(v * w), TOUCH_RADII * fixed.radius_m, begin
-    for _ in range(STEPS_MAX):
-        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
-        x, y = x - ux * (t - begin), y - uy * (t - begin)
-        if kind == DISC:
-            dx, dy = x - things[k, 0], y - things[k, 1]
-            away = max(math.hypot(dx, dy), 1e-300)
-            gap, nx, ny = away - things[k, 2], dx / away, dy / away
-        elif kind == POLYGON:
-            gap, nx, ny = polygon_gap(x, y, things, k)
-        else:
-            gap, nx, ny = box_gap(x, y, things, k)
-        gap -= radius_m
-        rate = nx * (v * math.cos(heading) - ux) + ny * (v * math.sin(heading) - uy)
-        if gap > touch:
-            t += _step(gap, rate, bend)
-        elif rate < 0.0 or kind == GOAL:
-            return t
-        else:
-            t += max(_leave(rate, bend), TURN_S)
-        if t > end:
-            return math.inf
-    return t
-
-
-@compiled
-def _arrival(robot: Any, fixed: Any, begin: float, end: float) -> float:
-    """Return when between two instants of a substep a robot's centre comes near enough to its goal, or infinity."""
-    v, w = _velocities(robot, fixed.track_m)
-    near = fixed.goal_tolerance_m
-    if math.hypot(robot.x_m - robot.goal_x_m, robot.y_m - robot.goal_y_m) > near + 2.0 * abs(v) * end:
-        return math.inf
-    bend, touch, t = abs(v * w), TOUCH_RADII * fixed.radius_m, begin
-    for _ in range(STEPS_MAX):
-        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
-        dx, dy = x - robot.goal_x_m, y - robot.goal_y_m
-        away = math.hypot(dx, dy)
-        if away <= near + touch:
-            return t
-        t += _step(away - near, v * (dx * math.cos(heading) + dy * math.sin(heading)) / away, bend)
-        if t > end:
-            return math.inf
-    return t
-
-
-@compiled
-def _encounter(robot: Any, other: Any, fixed: Any, begin: float, end: float) -> float:
-    """Return when between two instants of a substep a moving robot first touches another one, or infinity."""
-    size, touch = 2.0 * fixed.radius_m, TOUCH_RADII * fixed.radius_m
-    v, w = _velocities(robot, fixed.track_m)
-    ov, ow = 0.0, 0.0
-    if other.running and not other.is_held:
-        ov, ow = _velocities(other, fixed.track_m)
-    if math.hypot(robot.x_m - other.x_m, robot.y_m - other.y_m) - size > 2.0 * (abs(v) + abs(ov)) * end + touch:
-        return math.inf
-    bend, t = abs(v * w) + abs(ov * ow), begin
-    ox, oy, o_heading = other.x_m, other.y_m, other.heading_rad
-    for _ in range(STEPS_MAX):
-        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
-        if other.running and not other.is_held:
-            ox, oy, o_heading = advance_arc(
-                other.arc_x_m, other.arc_y_m, other.arc_heading_rad, ov, ow, other.arc_s + t
-            )
-        dx, dy = x - ox, y - oy
-        away = math.hypot(dx, dy)
-        vx = v * math.cos(heading) - ov * math.cos(o_heading)
-        vy = v * math.sin(heading) - ov * math.sin(o_heading)
-        rate = (dx * vx + dy * vy) / max(away, 1e-300)
-        if away - size > touch:
-            t += _step(away - size, rate, bend)
-        elif rate < 0.0:
-            return t
-        else:
-            t += max(_leave(rate, bend), TURN_S)
-        if t > end:
-            return math.inf
-    return t
 
 
 @compiled

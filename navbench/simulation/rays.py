@@ -46,8 +46,9 @@ class Rays:
     """
 
     def __init__(self, sensors: Sensors, radius_m: float) -> None:
+        self.cross_hull = False
         rays: list[tuple[float, ...]] = []
-        reach, exposed, self.cross_hull = 0.0, 0.0, False
+        reach, exposed = 0.0, 0.0
         self.unobstructed = np.array([float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()])
         for sensor, mount in enumerate(sensors.complete_mounts()):
             half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
