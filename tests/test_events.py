@@ -113,7 +113,8 @@ Thing_ = tuple[dict[str, Any], Callable[[Any, Any], Any]]  # for a world; and ho
 
 def a_thing(kind: str, rng: np.random.Generator, place: complex, velocity: complex, r: float) -> Thing_:
     """Return a thing that is at a place at time 0, and there for ever unless it moves."""
-    size, width, turn = *(r * 10.0 ** rng.uniform(-1.5, 0.5, 2)).tolist(), rng.uniform(-4.0, 4.0)
+    size, width = r * 10.0 ** rng.uniform(-1.5, 0.5), r * 10.0 ** rng.uniform(-1.5, 0.5)
+    turn = rng.uniform(-4.0, 4.0)
     outline = convex_corners(rng, size, (3, 6))
     shape = [complex(corner.x_m, corner.y_m) for corner in outline]
     far = place + 1e4 * velocity
@@ -143,7 +144,7 @@ def a_motion(rng: np.random.Generator, r: float) -> tuple[Pose, float, float]:
     """Return a start, a speed and a turning rate: forward or backward, straight or along an arc."""
     v = r * rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-0.5, 1.0)
     return (
-        Pose(*(rng.uniform(-5.0, 5.0, 2) * r).tolist(), rng.uniform(-3.0, 3.0)),
+        Pose(r * rng.uniform(-5.0, 5.0), r * rng.uniform(-5.0, 5.0), rng.uniform(-3.0, 3.0)),
         v,
         rng.choice([0.0, rng.uniform(-2, 2)]),
     )
@@ -190,7 +191,7 @@ def test_two_robots_on_arcs_meet_at_the_first_instant_at_which_their_hulls_do(ra
         other = Pose(other.x_m + shift.real, other.y_m + shift.imag, other.heading_rad)
 
         def gap(t: Any, one: Any = (one, v1, w1), other: Any = (other, v2, w2)) -> Any:
-            return np.abs(circle(*one, t) - circle(*other, t)) - 2.0 * r
+            return np.abs(circle(one[0], one[1], one[2], t) - circle(other[0], other[1], other[2], t)) - 2.0 * r
 
         if gap(0.0) <= 0.01 * r:
             continue
@@ -317,7 +318,7 @@ def test_a_finish_line_is_crossed_at_the_root_of_the_side_on_which_the_centre_li
         b = a + 3.0 * r * np.exp(1j * rng.uniform(-3.0, 3.0))
 
         def side(t: Any, a: complex = a, b: complex = b, motion: Any = (pose, v, w)) -> Any:
-            return (np.conj(b - a) * (circle(*motion, t) - a)).imag / abs(b - a)
+            return (np.conj(b - a) * (circle(motion[0], motion[1], motion[2], t) - a)).imag / abs(b - a)
 
         times = np.linspace(0.0, 4.0, 4001)
         changes = np.flatnonzero(np.diff(np.sign(side(times)))).tolist()

@@ -129,7 +129,8 @@ def _gather(robots: NDArray[np.void], index: int, scenery: Scenery, radius_m: fl
     around[: discs.shape[0]] = discs
     around[discs.shape[0] : count] = polygons[:, :5]
     other_robots(robots, index, radius_m, around[count:])
-    return count + robots.shape[0] - 1
+    others: int = robots.shape[0] - 1
+    return count + others
 
 
 class _Loop:
