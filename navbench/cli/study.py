@@ -30,8 +30,8 @@ def study(arguments: Sequence[str]) -> int:
         return 0
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
-        given = " ".join(words.names)
-        raise DescriptionError(f"study {given}: name one study; {instead(given, known, 'there are')}")
+        given = " ".join(["study", *words.names])
+        raise DescriptionError(f"{given}: name one study; {instead(given[6:], known, 'there are')}")
     options = _options(words.overrides)
     from navbench.cli.flow import carry_out
     from navbench.cli.report import print_written
