@@ -1,6 +1,5 @@
 """A study: what is missing of it is run, then its report is written."""
 
-import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -25,9 +24,6 @@ KEYS = ("engine", "workers")
 def study(arguments: Sequence[str]) -> int:
     """Run what is missing of a study, and write its report."""
     words = sort_words(arguments)
-    if words.help:
-        print(HELP, end="")
-        return 0
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["study", *words.names])
@@ -47,8 +43,7 @@ def study(arguments: Sequence[str]) -> int:
         return print_written(write_report([results], Path("results") / name, each, trust=True))
 
     plan, path = compose_study(name, words.config_dir), Path("outputs/study") / name
-    again = shlex.join(["navbench", "study", *arguments])
-    return carry_out(plan, path, again, finish, other_code=words.other_code, **options)
+    return carry_out(plan, path, ["study", *arguments], finish, other_code=words.other_code, **options)
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The table and the picture of a results directory: of a run, a sweep or a tuning, whole or as far as it came."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,7 +90,9 @@ def _planned(cells: Sequence[Mapping[str, Any]]) -> dict[str, set[int]]:
 
 def _tell_apart(table: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> None:
     """Add a column for each key of the configuration in which cells of the same names differ."""
-    values = [dict(_leaves(cell["configuration"])) for cell in cells]
+    from navbench.analysis.stored import leaves_of
+
+    values = [dict(leaves_of(cell["configuration"])) for cell in cells]
     keys: dict[str, None] = {}
     for rows in table.groupby(list(NAMES)).indices.values():
         alike = [values[row] for row in rows]
@@ -98,12 +100,3 @@ def _tell_apart(table: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> No
         keys |= dict.fromkeys(key for key in every if len({leaves.get(key) for leaves in alike}) > 1)
     for place, key in enumerate(keys, len(NAMES)):
         table.insert(place, key, [leaves.get(key, "") for leaves in values])
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield a configuration's dotted keys with their values as words."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
-    else:
-        yield key, str(value)
