@@ -17,7 +17,7 @@ from navbench.analysis.comparisons import level
 from navbench.analysis.measuring import MeasureError, arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults
 from navbench.mathematics.statistics import Estimate
-from navbench.validation import STRICT, DescriptionError, describe
+from navbench.validation import STRICT, DescriptionError, describe, instead
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +79,9 @@ class Claim:
             if self.threshold is None:
                 raise DescriptionError("must have `practically_equal` only beside `holds: below` or `above` a number")
             if quantity("practically_equal", self.practically_equal)[1] == "%" and self.measure != "difference":
-                raise DescriptionError("practically_equal: must be a number, unless the measure is `difference`")
+                named = f"practically_equal={self.practically_equal} with measure={self.measure}"
+                allowed = instead(self.measure, ["difference"], "allowed with %")
+                raise DescriptionError(f"{named}: must be a number, unless the measure is `difference`; {allowed}")
             if quantity("practically_equal", self.practically_equal)[0] <= 0.0:
                 raise DescriptionError(f"practically_equal={self.practically_equal}: must be above 0")
 

@@ -1,6 +1,6 @@
 """A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -273,3 +273,12 @@ def reached(rows: "pd.DataFrame") -> "pd.DataFrame":
 def outcomes(rows: "pd.DataFrame") -> dict[str, NDArray[np.bool_]]:
     """Return for both sides of some pairs, called "" and "_other", which of them reached."""
     return {side: (rows[f"outcome{side}"] == "reached").to_numpy(dtype=bool) for side in ("", "_other")}
+
+
+def leaves_of(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield a configuration's dotted keys with their values as words."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from leaves_of(inner, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, str(value)

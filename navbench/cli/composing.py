@@ -105,6 +105,9 @@ class Composer:
         for word in words:
             if key_of(word).startswith("hydra") and key_of(word) != place:
                 raise DescriptionError(f"{key_of(word)}: unknown key; the only one of Hydra's own here is {place}")
+            for other, kind in KINDS.items():
+                if _top(word) in _keys_of(kind) and _top(word) not in _keys_of(KINDS[name]):
+                    raise DescriptionError(f"{word}: is a key of `navbench {other}`, not of a {name}")
         jobs = combinations(words) if sweep else [list(words)]
         first = self._whole(name, jobs[0])
         told = HydraConfig.get()
@@ -240,9 +243,13 @@ def _plain(config: DictConfig) -> dict[str, Any]:
     return values
 
 
+def _keys_of(kind: type[schema.Run]) -> list[str]:
+    return [field.name for field in fields(kind)]
+
+
 def _checked(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration in the order of its keys, which are those of its kind, each there."""
-    known = [field.name for field in fields(KINDS[name])]
+    known = _keys_of(KINDS[name])
     for key in values:
         if key not in known:
             raise DescriptionError(f"{key}: unknown key; {instead(key, known, HERE)}")

@@ -1,8 +1,9 @@
 """A plan carried out for a person: its progress, its tables, what an interrupt leaves, and the exit code."""
 
 import logging
+import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ INTERRUPTED = 130  # the exit code
 def carry_out(
     plan: Plan,
     path: Path,
-    again: str,
+    again: Sequence[str],
     finish: Callable[[Results], int | None],
     missing: int = 0,
     **options: Any,
@@ -30,7 +31,7 @@ def carry_out(
     Args:
         plan: what to run.
         path: the results directory.
-        again: the command that goes on where this one stops.
+        again: the words of the command line that goes on where this one stops.
         finish: prints and writes what the results are for, when all was run that could be; may return an exit code.
         missing: how many episodes were asked for but are not in the plan, for their cells cannot be run.
         options: workers, engine and other_code of ``run_plan``.
@@ -54,7 +55,7 @@ def carry_out(
     except BrokenPipeError:  # who reads the output has seen enough
         raise
     except (KeyboardInterrupt, OSError) as error:  # of a full disk, say
-        return _stopped(error, step, stage, path, again)
+        return _stopped(error, step, stage, path, shlex.join(["navbench", *again]))
     planned = ran.planned + missing
     if ran.finished == planned:
         return code

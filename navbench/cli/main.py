@@ -93,7 +93,11 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
     from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
 
     try:
-        code: int = getattr(import_module(f"navbench.cli.{verb}"), verb)(arguments)
+        module = import_module(f"navbench.cli.{verb}")
+        if {"-h", "--help"} & {*arguments}:
+            print(module.HELP, end="")
+            return 0
+        code: int = getattr(module, verb)(arguments)
     except BrokenPipeError:
         raise
     except (*CONFIGURATION_ERRORS, ValueError) as error:

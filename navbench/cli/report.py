@@ -23,9 +23,6 @@ KEYS = ("out", "join")
 def report(arguments: Sequence[str]) -> int:
     """Rebuild tables and figures from results directories, or join the reports in one."""
     words = sort_words(arguments, ("--trust", "--config-dir"))
-    if words.help:
-        print(HELP, end="")
-        return 0
     from navbench.experiments.store import Results
     from navbench.report.joined import write_joined
     from navbench.report.reports import write_report

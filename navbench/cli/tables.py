@@ -84,9 +84,10 @@ def _table_of(results: Results) -> "pd.DataFrame":
 
 def _tell_apart(table: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> None:
     """Add a column for each key of the configuration in which cells of the same names differ."""
-    from navbench.report.runs import differing, leaves
+    from navbench.analysis.stored import leaves_of
+    from navbench.report.runs import differing
 
-    values = [dict(leaves(cell["configuration"])) for cell in cells]
+    values = [dict(leaves_of(cell["configuration"])) for cell in cells]
     alike = table.groupby(list(NAMES)).indices.values()
     keys = dict.fromkeys(key for rows in alike for key in differing([values[row] for row in rows]))
     for place, key in enumerate(keys, len(NAMES)):

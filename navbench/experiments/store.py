@@ -78,7 +78,7 @@ class Results:
             changed = [name for name, now in manifest["code"].items() if before.get(name) != now]
         elif self.path.is_dir() and any(self.path.glob("*/part-*.parquet")):
             raise ResultsError(f"{self.path}: holds parts without a manifest; choose another directory")
-        self._write_json("manifest.json", manifest)
+        self._write_manifest(manifest)
         return changed
 
     def record_resume(self, changed: Sequence[str], parts: int, kept: bool) -> None:
@@ -91,7 +91,7 @@ class Results:
         """
         manifest = self.manifest()
         note = {"when": now(), "changed": list(changed), "parts": parts, "kept": kept}
-        self._write_json("manifest.json", {**manifest, "resumed": [*manifest["resumed"], note]})
+        self._write_manifest({**manifest, "resumed": [*manifest["resumed"], note]})
 
     def abandon(self) -> None:
         """Remove what was written of a run of which nothing was finished."""
@@ -114,7 +114,7 @@ class Results:
     def write_csv(self) -> None:
         """Write ``episodes.csv`` for people, of the episodes that are there."""
         if any((self.path / "episodes").glob("part-*.parquet")):
-            self._write("episodes.csv", self.episodes().to_csv(index=False).encode())
+            write_table(self.path / "episodes.csv", self.episodes().to_csv(index=False))
 
     def end(self, codes: Iterable[str] = ()) -> None:
         """Write ``episodes.csv``, and into the manifest when the work ended.
@@ -125,7 +125,7 @@ class Results:
         self.write_csv()
         manifest = self.manifest()
         kept = {digest: manifest["codes"][digest] for digest in codes if digest in manifest["codes"]}
-        self._write_json("manifest.json", {**manifest, "codes": kept, "ended": now()})
+        self._write_manifest({**manifest, "codes": kept, "ended": now()})
 
     def finished(self) -> dict[str, set[int]]:
         """Return the episodes that are there, of each run, from the names of the parts."""
@@ -288,12 +288,8 @@ class Results:
         with replacing(self.path / name) as temporary:
             pq.write_table(table, temporary, compression="zstd")
 
-    def _write_json(self, name: str, value: Mapping[str, Any]) -> None:
-        self._write(name, (json.dumps(value, indent=2) + "\n").encode())
-
-    def _write(self, name: str, content: bytes) -> None:
-        with replacing(self.path / name) as temporary:
-            temporary.write_bytes(content)
+    def _write_manifest(self, manifest: Mapping[str, Any]) -> None:
+        write_table(self.path / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 
 
 def _table_of(file: Path) -> "pa.Table":

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from navbench.analysis.stored import leaves_of
 from navbench.report.document import MISSING, Blocks, Column, Data, Paragraph
 from navbench.report.page import Page
-from navbench.report.runs import leaves
 
 PARTS = ("controller", "world", "robot", "sensors", "simulator")
 KINDS = ("paper", "derived", "public", "tuned", "fitted", "assumed")
@@ -65,7 +65,7 @@ def _tuners(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
             seen.add((part, tuning[part]))
             values = tuning["configuration"][part]
             given = (tuning.get("sources") or {}).get(part) or {}
-            for key in (key for key, _ in leaves(values) if key.rpartition(".")[2] != "_target_"):
+            for key in (key for key, _ in leaves_of(values) if key.rpartition(".")[2] != "_target_"):
                 source: Mapping[str, Any] = next((given[k] for k in given if key == k or key.startswith(f"{k}.")), {})
                 yield _row(part, tuning[part], key, [_value(values, key)], source)
 

@@ -1,9 +1,9 @@
 """What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.stored import StoredResults
+from navbench.analysis.stored import StoredResults, leaves_of
 from navbench.experiments.store import Results
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
 
 def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
     """Return a configuration's leaves: those of the scene, and the rest."""
-    values = dict(leaves(configuration))
+    values = dict(leaves_of(configuration))
     scene = {key: value for key, value in values.items() if key.split(".")[0] in SCENE}
     return scene, {key: value for key, value in values.items() if key not in scene}
 
@@ -111,12 +111,3 @@ def differing(alike: Sequence[Mapping[str, str]]) -> list[str]:
     """Return the keys in which some configurations' leaves differ."""
     every = dict.fromkeys(key for one in alike for key in one)
     return [key for key in every if len({one.get(key) for one in alike}) > 1]
-
-
-def leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield a configuration's dotted keys with their values as words."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from leaves(inner, f"{key}.{name}" if key else str(name))
-    else:
-        yield key, str(value)
