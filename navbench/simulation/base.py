@@ -18,12 +18,8 @@ from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.contacts import Contacts, Event
 from navbench.simulation.motion import (
-    BOX,
-    CELL,
     COLLIDED,
-    DISC,
     FIXED,
-    POLYGON,
     ROBOT,
     STOPPED,
     Pipeline,
@@ -36,6 +32,7 @@ from navbench.simulation.motion import (
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.rays import Rays
 from navbench.simulation.scene import Scene
+from navbench.simulation.touching import BOX, CELL, DISC, POLYGON
 from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]

@@ -1,10 +1,4 @@
-"""One control period of all robots, compiled: wheels, arcs, and the instants of arrival and contact.
-
-Between two changes of its wheels' speeds a robot moves along one arc. On it the distance to anything convex that stands
-or moves in a straight line is bounded from below by a parabola: it is convex in the robot's place, and the place has a
-known acceleration. The parabola's root is an instant before which nothing can be touched; stepping from root to root
-comes to the first contact, or past the nearest point, in a few steps.
-"""
+"""One control period of all robots, compiled: wheels, arcs, and the instants of arrival and contact."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,8 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled
-from navbench.mathematics.geometry import box_gap, distance_to_nearest, polygon_gap, wrap_angle
-from navbench.mathematics.kinematics import advance_arc, lag_speed, ramp_speed
+from navbench.mathematics.geometry import distance_to_nearest, wrap_angle
+from navbench.mathematics.kinematics import lag_speed, ramp_speed
+from navbench.simulation.touching import (
+    BOX,
+    CELL,
+    DISC,
+    GOAL,
+    LINE,
+    NONE,
+    POLYGON,
+    ROBOT_KIND,
+    TURN_S,
+    first_touch,
+    pose_at,
+    velocities,
+)
 from navbench.world.grid import FreeArray, nearest_cell
 from navbench.world.shapes import place_movers, time_to_turn
 
@@ -28,13 +36,8 @@ Scenery = tuple[  # see ``Scene.arrays``
 Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Drive.arrays``
 
 SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something may have moved this far
-TOUCH_RADII = 1e-12  # what is nearer touches
 ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
-TURN_S = 1e-9  # movers that turn within this have turned
-GRID_S = 1e-6 / math.pi  # where a search is taken up again; no instant that people write lies on it
-STEPS_MAX = 100_000  # of the search for one contact: ten are many, but to circle a post at 1e-9 radii takes thousands
 
-NONE, BOX, DISC, POLYGON, CELL, ROBOT_KIND, GOAL, LINE = range(8)  # what may be met
 RUNNING, REACHED, COLLIDED, STOPPED = range(4)  # what may have become of a robot
 
 
@@ -266,25 +269,8 @@ def _pose_all(robots: RobotArray, t_s: float, fixed: Any) -> None:
     for i in range(robots.shape[0]):
         if robots[i].running and not robots[i].is_held:
             robot = robots[i]
-            robot.x_m, robot.y_m, heading = _pose(robot, t_s, fixed.track_m)
+            robot.x_m, robot.y_m, heading = pose_at(robot, t_s, fixed.track_m)
             robot.heading_rad = wrap_angle(heading)
-
-
-@compiled
-def _velocities(robot: Any, track_m: float) -> tuple[float, float]:
-    """Return a moving robot's speed [m/s] and turning rate [rad/s] on its arc."""
-    left, right = robot.left_mean_mps, robot.right_mean_mps
-    return 0.5 * (left + right), (right - left) / track_m
-
-
-@compiled
-def _pose(robot: Any, t_s: float, track_m: float) -> tuple[float, float, float]:
-    """Return where a moving robot is at an instant of its arc."""
-    v, w = _velocities(robot, track_m)
-    pose: tuple[float, float, float] = advance_arc(
-        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, t_s - robot.arc_t_s
-    )
-    return pose
 
 
 @compiled
@@ -300,23 +286,23 @@ def _first_event(
     limit, near = end, fixed.radius_m * (1.0 + ROUNDING_RADII)
     for i in range(robots.shape[0]):
         robot = robots[i]
-        v = abs(_velocities(robot, fixed.track_m)[0])
+        v = abs(velocities(robot, fixed.track_m)[0])
         far = near + (v + fastest_mps) * span_s
         # the clearance is that of the substep's beginning or of an event in it
         if not robot.running or robot.is_held or robot.clearance_m > far - fixed.radius_m:
             continue
         for k in range(boxes.shape[0]):
-            when = _first_touch(robot, robot, fixed, begin, limit, BOX, boxes, k)
+            when = first_touch(robot, robot, fixed, begin, limit, BOX, boxes, k)
             if when < first:
                 first, limit, who, kind, what = when, when, i, BOX, k
         for k in range(discs.shape[0]):
             if math.hypot(robot.x_m - discs[k, 0], robot.y_m - discs[k, 1]) - discs[k, 2] <= far:
-                when = _first_touch(robot, robot, fixed, begin, limit, DISC, discs, k)
+                when = first_touch(robot, robot, fixed, begin, limit, DISC, discs, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, DISC, k
         for k in range(polygons.shape[0]):
             if math.hypot(robot.x_m - polygons[k, 0], robot.y_m - polygons[k, 1]) - polygons[k, 2] <= far:
-                when = _first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
+                when = first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
         if free.shape[0]:
@@ -328,7 +314,7 @@ def _first_event(
                     if free[row, column] == 0:
                         cell[0, 0] = place[0] + place[2] * (column + 0.5)
                         cell[0, 1] = place[1] + place[2] * (row + 0.5)
-                        when = _first_touch(robot, robot, fixed, begin, limit, BOX, cell, 0)
+                        when = first_touch(robot, robot, fixed, begin, limit, BOX, cell, 0)
                         if when < first:
                             first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
         for k in range(robots.shape[0]):
@@ -336,7 +322,7 @@ def _first_event(
             if k < i and other.running and not other.is_held or k == i:
                 continue  # a pair of two that move is looked at once
             if math.hypot(robot.x_m - other.x_m, robot.y_m - other.y_m) - fixed.radius_m <= far:
-                when = _first_touch(robot, other, fixed, begin, limit, ROBOT_KIND, boxes, -1)
+                when = first_touch(robot, other, fixed, begin, limit, ROBOT_KIND, boxes, -1)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, ROBOT_KIND, k
     for i in range(robots.shape[0]):
@@ -345,9 +331,9 @@ def _first_event(
             continue
         when = math.inf
         if line.shape[0]:
-            when = _first_touch(robot, robot, fixed, begin, limit, LINE, line, 0)
+            when = first_touch(robot, robot, fixed, begin, limit, LINE, line, 0)
         elif math.hypot(robot.x_m - robot.goal_x_m, robot.y_m - robot.goal_y_m) - fixed.goal_tolerance_m <= near:
-            when = _first_touch(robot, robot, fixed, begin, limit, GOAL, boxes, -1)
+            when = first_touch(robot, robot, fixed, begin, limit, GOAL, boxes, -1)
         if when < first:
             first, limit, who, kind, what = when, when, i, GOAL, -1
     return first, who, kind, what
@@ -358,89 +344,6 @@ def _cells(at: float, reach: float, begin: float, side: float, count: int) -> tu
     """Return the first cell along an axis that comes within reach of a place, and the one after the last."""
     first, last = math.floor((at - reach - begin) / side), math.floor((at + reach - begin) / side)
     return max(int(first), 0), min(int(last) + 1, count)
-
-
-@compiled
-def _first_touch(
-    robot: Any, other: Any, fixed: Any, begin: float, end: float, kind: int, things: FloatArray, k: int
-) -> float:
-    """Return when between two instants of a substep a moving robot first touches something, infinite for never.
-
-    A robot that touches already and does not come nearer does not touch anew; a goal is reached from within too. What
-    is found is found again from an instant of a grid: the same to the last bit, wherever the search began.
-
-    Args:
-        robot: of ``ROBOT``.
-        other: of ``ROBOT``: the other one for ``ROBOT_KIND``, else of no matter.
-        fixed: of ``FIXED``.
-        begin: the first instant, at which the thing is where its row says [s].
-        end: the last one [s].
-        kind: ``BOX``, ``DISC``, ``POLYGON``, ``ROBOT_KIND``, ``GOAL``, or ``LINE`` for a finish line.
-        things: its rows, if it has any.
-        k: its row.
-    """
-    t, is_found = begin, False
-    for _ in range(STEPS_MAX):
-        gap, rate, bend = _gap(robot, other, fixed, t, begin, kind, things, k)
-        if gap > TOUCH_RADII * fixed.radius_m:
-            t += _step(gap, rate, bend)
-        elif rate >= 0.0 and kind != GOAL and kind != LINE:
-            t += max(_leave(rate, bend), TURN_S)
-        elif is_found:
-            break
-        else:
-            t, is_found = max(math.floor(t / GRID_S) * GRID_S, robot.arc_t_s), True
-        if t > end:
-            return math.inf
-    return max(t, begin)
-
-
-@compiled
-def _gap(
-    robot: Any, other: Any, fixed: Any, t: float, begin: float, kind: int, things: FloatArray, k: int
-) -> tuple[float, float, float]:
-    """Return how far a robot is from touching at an instant [m], how fast that grows, and what it may lose of that.
-
-    Everything is as in ``_first_touch``; the last number is the most by which the growth slows down [m/s^2].
-    """
-    v, w = _velocities(robot, fixed.track_m)
-    x, y, heading = _pose(robot, t, fixed.track_m)
-    vx, vy, bend, near = v * math.cos(heading), v * math.sin(heading), abs(v * w), fixed.radius_m
-    cx, cy = other.x_m, other.y_m
-    if kind == BOX or kind == LINE:
-        gap, nx, ny = box_gap(x, y, things, k)
-        return gap - (near if kind == BOX else 0.0), nx * vx + ny * vy, bend
-    if kind == DISC or kind == POLYGON:
-        ux, uy = things[k, 3], things[k, 4]
-        x, y, vx, vy = x - ux * (t - begin), y - uy * (t - begin), vx - ux, vy - uy
-        if kind == POLYGON:
-            gap, nx, ny = polygon_gap(x, y, things, k)
-            return gap - near, nx * vx + ny * vy, bend
-        cx, cy, near = things[k, 0], things[k, 1], near + things[k, 2]
-    elif kind == GOAL:
-        cx, cy, near = robot.goal_x_m, robot.goal_y_m, fixed.goal_tolerance_m
-    else:
-        near *= 2.0
-        if other.running and not other.is_held:
-            v, w = _velocities(other, fixed.track_m)
-            cx, cy, heading = _pose(other, t, fixed.track_m)
-            vx, vy, bend = vx - v * math.cos(heading), vy - v * math.sin(heading), bend + abs(v * w)
-    dx, dy = x - cx, y - cy
-    away = math.hypot(dx, dy)
-    return away - near, (dx * vx + dy * vy) / max(away, 1e-300), bend
-
-
-@compiled
-def _step(gap: float, rate: float, bend: float) -> float:
-    """Return for how long gap + rate t - bend t^2 / 2 stays positive, for a positive gap; infinite for ever."""
-    falls = math.sqrt(rate * rate + 2.0 * bend * gap) - rate
-    return 2.0 * gap / falls if falls > 0.0 else math.inf
-
-
-@compiled
-def _leave(rate: float, bend: float) -> float:
-    """Return for how long rate t - bend t^2 / 2 stays positive; infinite for ever."""
-    return 2.0 * rate / bend if bend > 0.0 else math.inf
 
 
 @compiled
