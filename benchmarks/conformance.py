@@ -186,11 +186,17 @@ def ranges_of(cell: Cell, kind: type[Simulator], episode: Episode, period: int) 
 
 def ranges_at(simulator: Simulator, layout: Layout, poses: Sequence[Pose], t_s: float) -> NDArray[np.float64]:
     """Return what rings of robots at these poses measure without noise at a time [s]: (n_robots, n_sensors) [m]."""
+    place_at(simulator, layout, poses, t_s)
+    return simulator.ranges()
+
+
+def place_at(simulator: Simulator, layout: Layout, poses: Sequence[Pose], t_s: float) -> None:
+    """Put running robots at these poses, and movers where they are at a time [s]."""
     simulator.reset(layout, poses, 1.0)
     scene = simulator.scene
     scene.move_to(t_s)
     measure_clearance(simulator.robots, scene.boxes, scene.discs, scene.polygons, simulator.robot.radius_m)
-    return simulator.ranges()
+    simulator.place()
 
 
 def judged(comparisons: Sequence[Comparison], confidence: float = CONFIDENCE) -> tuple[Estimate, Estimate, bool]:
