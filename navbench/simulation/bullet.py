@@ -86,6 +86,9 @@ class BulletSimulator(Simulator):
         self.scale = 2.0 ** math.ceil(math.log2(4.0 / robot.radius_m))
         self.begins, self.ends = self._scaled_rays("begin"), self._scaled_rays("end")
         self.bodies: list[int] = []
+        self._corners: list[list[float]] = []  # see _add_polygon
+        self._vertices: list[list[float]] = []
+        self._indices: list[int] = []
         with _silent(1):
             self.client: int = pybullet.connect(pybullet.GUI if options.gui else pybullet.DIRECT)
         if self.client < 0:
@@ -106,7 +109,7 @@ class BulletSimulator(Simulator):
         self._things: dict[int, Thing] = {}
         # for spheres, of which PyBullet would make visual shapes of triangles, which takes longer than the bodies
         self._unseen = pybullet.createVisualShape(
-            pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 1.0], physicsClientId=self.client
+            pybullet.GEOM_BOX, halfExtents=(1.0, 1.0, 1.0), physicsClientId=self.client
         )
         for i, box in enumerate(world.solids()):
             walls_from = len(world.boxes)
@@ -199,11 +202,16 @@ class BulletSimulator(Simulator):
         return self._add(thing, shape, visual, mass, x_m, y_m)
 
     def _add_polygon(self, thing: Thing, row: FloatArray) -> int:
+        """Add a polygon by lists that are always the same ones, because PyBullet never lets go of a mesh's."""
         vertices, indices = prism(row * self.scale, WALL_HEIGHT_RADII * self.robot.radius_m * self.scale)
+        self._corners += [[] for _ in vertices[len(self._corners) :]]
+        self._vertices[:], self._indices[:] = self._corners[: len(vertices)], indices
+        for corner, vertex in zip(self._vertices, vertices, strict=True):
+            corner[:] = vertex
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
-            vertices=vertices,
-            indices=indices,
+            vertices=self._vertices,
+            indices=self._indices,
             flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,  # exact for rays; as a hull it would carry a margin
             physicsClientId=self.client,
         )
