@@ -196,7 +196,7 @@ def place_at(simulator: Simulator, layout: Layout, poses: Sequence[Pose], t_s: f
     simulator.reset(layout, poses, 1.0)
     scene = simulator.scene
     scene.move_to(t_s)
-    measure_clearance(simulator.robots, scene.boxes, scene.discs, scene.polygons, simulator.robot.radius_m)
+    measure_clearance(simulator.robots, scene.arrays, simulator.robot.radius_m)
     simulator.place()
 
 
