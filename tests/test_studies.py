@@ -226,7 +226,7 @@ def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) ->
     each = text[text.index("  - name: fair\n    label: S.F.L.C.") : text.index("claims:")]
     together = (
         "  - name: fair\n    controllers: {S.F.L.C.: [controller=sflc], untuned PID: [controller=pid]}\n"
-        "    overrides: [world=corner, start_jitter_m=0.03, start_heading_jitter_rad=0.5]\n"
+        "    overrides: [world=corner, start_jitter_m=0.03, start_heading_jitter_rad=0.5, simulator=planar]\n"
         "    episodes: 60\n    trajectories: false\n\n"
     )
     (tmp_path / "study").mkdir()
