@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
+from typing import Any
 
 import pybullet
 
@@ -35,12 +36,16 @@ def bare_loop(runner: EpisodeRunner) -> Side:
     records, simulator = runner.run(0), runner.simulator
     assert isinstance(simulator, BulletSimulator)
     client, scale, begins, ends = simulator.client, simulator.scale, simulator.begins, simulator.ends
-    steps: list[list[tuple[int, tuple[float, ...], tuple[float, ...]]]] = []
-    for body, record in zip(simulator.bodies, records, strict=True):
-        steps += [[] for _ in record.states[len(steps) + 1 :]]
-        for robots, (_, x, y, turn, _, _) in zip(steps, record.states[:-1].tolist(), strict=False):
-            place, half = (x * scale, y * scale, 0.0), 0.5 * turn
-            robots.append((body, place, (0.0, 0.0, math.sin(half), math.cos(half))))
+    poses = [
+        [
+            (k, body, (x * scale, y * scale, 0.0), (0.0, 0.0, math.sin(0.5 * turn), math.cos(0.5 * turn)))
+            for k, (_, x, y, turn, _, _) in enumerate(record.states[:-1].tolist())
+        ]
+        for body, record in zip(simulator.bodies, records, strict=True)
+    ]
+    steps: list[list[Any]] = [[] for _ in max(poses, key=len)]
+    for k, *pose in sum(poses, []):
+        steps[k].append((pose[0], pose[1], pose[2]))
 
     def loop() -> int:
         for robots in steps:

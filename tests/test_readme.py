@@ -52,6 +52,18 @@ def test_your_own_controller_runs_from_a_folder_outside_the_project(folder: Path
     assert re.search(r"^mine +empty +khepera3 +1 of 1 ", printed, re.M)
 
 
+def test_a_compiled_controller_of_your_own_runs_in_planar_as_in_pybullet(folder: Path) -> None:
+    (folder / "compiled_mine.py").write_text(block_after("`compiled_mine.py`", "python"))
+    yaml = "# A compiled policy\nbuild: {_target_: compiled_mine.Mine, gain: 2.0, near_m: 0.1}\n"
+    (folder / "conf/controller/compiled_mine.yaml").write_text(yaml)
+    assert "[compiled]" in navbench(folder, "--config-dir", "conf", "list", "controller").split("compiled_mine")[1]
+    for simulator in ("planar", "pybullet"):
+        words = ("controller=compiled_mine", "world=empty", f"simulator={simulator}")
+        assert re.search(
+            r"^compiled_mine +empty +khepera3 +1 of 1 ", navbench(folder, "--config-dir", "conf", *words), re.M
+        )
+
+
 def test_your_own_controller_with_a_native_robot_drives_a_larger_one(folder: Path) -> None:
     printed = navbench(folder, "--config-dir", "conf", "controller=sized", "world=empty_100")
     assert re.search(r"^sized +empty_100 +disc4 +1 of 1 ", printed, re.M)
@@ -80,6 +92,12 @@ def test_your_own_study_answers_its_claims_with_a_measure_of_your_own(folder: Pa
     assert refused.returncode == 2
     assert "turns.most_turning: lies outside navbench; --trust" in refused.stderr
     navbench(folder, "report", "outputs/study/quicker", "--trust", "out=again")
+    made = "`navbench study quicker --config-dir conf` runs it all and writes this report; `navbench report "
+    made += "outputs/study/quicker --trust` writes the report again"
+    for report in ("results/quicker", "again"):
+        assert made in (folder / report / "report.md").read_text()
+    navbench(folder, "report", "outputs/study/quicker", "--trust", "--config-dir", "conf", "out=same")
+    assert (folder / "same/report.md").read_bytes() == (folder / "again/report.md").read_bytes()
     assert (folder / "again/claims.csv").read_bytes() == (folder / "results/quicker/claims.csv").read_bytes()
 
 

@@ -5,9 +5,8 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import numba
 import numpy as np
-from numba import types
+from numba import typeof, types
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
@@ -127,11 +126,12 @@ def close(
 def _gather(robots: NDArray[np.void], index: int, scenery: Scenery, radius_m: float, around: FloatArray) -> int:
     """Write everything round, as seen by one robot, and return how much it is."""
     discs, polygons = scenery[1], scenery[2]
-    count = discs.shape[0] + polygons.shape[0]
+    count: int = discs.shape[0] + polygons.shape[0]
     around[: discs.shape[0]] = discs
     around[discs.shape[0] : count] = polygons[:, :5]
     other_robots(robots, index, radius_m, around[count:])
-    return count + robots.shape[0] - 1
+    others: int = robots.shape[0] - 1
+    return count + others
 
 
 def _remember(step: Any) -> None:
@@ -159,7 +159,7 @@ class _Loop:
             self._steps.add(step)
         if self._close is None:
             loop: Any = close
-            loop.compile((_types.FunctionType(SIGNATURE), *map(numba.typeof, arguments)))
+            loop.compile((_types.FunctionType(SIGNATURE), *map(typeof, arguments)))
             loop.disable_compile()
             (overload,) = loop.overloads.values()
             self._close = overload.entry_point  # the types of arguments are always those, and not looked up again
