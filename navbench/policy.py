@@ -1,18 +1,18 @@
 """Compiled policies: one fixed signature, with which a compiled loop calls any controller without Python.
 
-A controller offers one by deriving from ``CompiledController`` and setting ``policy`` in its ``reset``. The same
-function answers ``act``, so that both drive alike to the last bit.
+A controller offers one by deriving from ``CompiledController`` and writing ``make_policy``. The same function answers
+``act``, so that both drive alike to the last bit.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numba import float64, types
 
 from navbench.compiled import compiled
-from navbench.contract import Command, FloatArray, Observation
+from navbench.contract import Command, FloatArray, Observation, Setup
 
 __all__ = ["SIGNATURE", "CompiledController", "Policy", "compiled", "pack", "part"]
 
@@ -49,15 +49,36 @@ class Policy:
         """Make room for the trace."""
         object.__setattr__(self, "trace", np.zeros(len(self.trace_names)))
 
+    def begun(self) -> "Policy":
+        """Return the policy for one more episode, with a state and a trace of its own."""
+        return replace(self, state=self.state.copy())
+
 
 class CompiledController:
-    """A controller that is a compiled policy; ``reset`` must set ``policy``.
+    """A controller that is a compiled policy.
+
+    One that leaves something to chance writes a ``reset`` of its own, which sets ``policy``.
 
     Attributes:
         policy: what drives in this episode.
     """
 
     policy: Policy
+    _made: tuple[Setup, Policy] | None = None
+
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a setup, as every episode begins with it."""
+        raise NotImplementedError
+
+    def begin(self, setup: Setup) -> None:
+        """Begin an episode with the setup's policy, which is made once."""
+        if self._made is None or self._made[0] is not setup:
+            self._made = setup, self.make_policy(setup)
+        self.policy = self._made[1].begun()
+
+    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
+        """Begin an episode; nothing is left to chance."""
+        self.begin(setup)
 
     def act(self, observation: Observation) -> Command:
         """Return the policy's command."""

@@ -28,8 +28,8 @@ def step(
 
 
 class Counting(CompiledController):
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        self.policy = Policy(step=step, state=np.zeros(1), parameters=np.array([3.0]), trace_names=("count", "sum"))
+    def make_policy(self, setup: Setup) -> Policy:
+        return Policy(step=step, state=np.zeros(1), parameters=np.array([3.0]), trace_names=("count", "sum"))
 
 
 def observation() -> Observation:

@@ -128,15 +128,15 @@ class DualLayer(CompiledController):
         self._obstacle_speed_max_mps = obstacle_speed_max_mps
         self._thresholds = (safety_distance_m, checked_sets.front_rad, checked_sets.side_rad, velocity_aware)
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode with no scan remembered; nothing here is left to chance."""
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring, with no scan remembered."""
         mounts, period_s = by_bearing(setup.sensors), setup.period_s
         thresholds = (setup.robot.radius_m, period_s, *self._thresholds)
         reach_m, behaviors = self._obstacle_speed_max_mps * period_s, [BEHAVIORS.index(r.behavior) for r in self.rules]
         room = [np.zeros(size) for size in (2 * len(mounts), 5 * len(mounts), 3, 4, len(behaviors))]
         parameters = pack(mounts, reach_m, thresholds, behaviors, self.ddcfc.base, self.vfc.base)
         state = pack(np.full((len(mounts), 4), np.nan), *room)
-        self.policy = Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
+        return Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
 
     def describe(self) -> dict[str, Columns]:
         """Return named tables for a report.

@@ -116,6 +116,7 @@ class EpisodeRunner:
         world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed, self._metrics = make_controller, seed, metrics
+        self._made: tuple[object, dict[int, CompiledController]] = None, {}
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
@@ -256,13 +257,25 @@ class EpisodeRunner:
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
         perception = Perception(self._senses, start, goal, name)
-        rng = stream(self.seed, world.name, episode, "controller", index)
         try:
-            controller = self.make_controller()
-            controller.reset(self._setup, rng)
+            return _Pilot(self._begun(index, name), perception)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
             return _Pilot(_Absent(), perception, outcome="controller_error", failure=failure(error))
-        return _Pilot(controller, perception)
+
+    def _begun(self, index: int, name: tuple[int, str, int, int]) -> Controller:
+        """Return a robot's controller at the beginning of an episode."""
+        maker, controllers = self._made
+        if maker is not self.make_controller:
+            self._made = maker, controllers = self.make_controller, {}
+        if index in controllers:
+            controllers[index].begin(self._setup)
+            return controllers[index]
+        controller = self.make_controller()
+        seed, world, episode, _ = name
+        controller.reset(self._setup, stream(seed, world, episode, "controller", index))
+        if isinstance(controller, CompiledController) and type(controller).reset is CompiledController.reset:
+            controllers[index] = controller  # nothing of an episode is left in it but its policy, which is made anew
+        return controller
 
     def _period(self, pilots: list[_Pilot], before: list[RobotState], t_s: float, dt_s: float) -> list[RobotState]:
         """Let every running robot observe and act, then move all; keep what they did and return their new states."""
@@ -327,7 +340,6 @@ class EpisodeRunner:
         if pilot.outcome == "controller_error":
             states = states[:-1] if len(pilot.states) else states
             traces = traces[: len(states)]
-        contacts = self.simulator.contacts[index]
         run = RobotRun(
             robot_index=index,
             outcome=pilot.outcome,
@@ -335,9 +347,9 @@ class EpisodeRunner:
             path_length_m=robot.path_length_m,
             turning_rad=robot.turning_rad,
             min_clearance_m=robot.min_clearance_m,
-            collisions=contacts.total,
-            robot_collisions=contacts.with_robots,
-            standing_collisions=contacts.standing,
+            collisions=robot.contacts,
+            robot_collisions=robot.robot_contacts,
+            standing_collisions=robot.standing_contacts,
             states=states,
             traces=traces,
             trace_names=names,
@@ -368,7 +380,7 @@ def _measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[st
     for function, metric in zip(metrics, declared(metrics), strict=True):
         try:
             value = function(run)
-            if not isinstance(value, Real):
+            if not isinstance(value, int | float | Real):
                 raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
             values[metric.name] = value if type(value) is int else float(value)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more

@@ -95,6 +95,7 @@ class Simulator(ABC):
             self.fixed[name] = value
         self.rays = Rays(sensors, robot.radius_m)
         self.robots = np.zeros(0, ROBOT)
+        self._layout: Layout | None = None
 
     def __enter__(self) -> Self:
         """Return the simulator itself."""
@@ -137,10 +138,12 @@ class Simulator(ABC):
             goal_tolerance_m: how near the goal counts as arrived [m].
         """
         count = len(starts)
-        self.scene = scene = Scene(layout)
-        self.robots = np.zeros(count, ROBOT)
-        for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
-            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, 1)
+        if layout is not self._layout or self.scene.fastest_mps > 0.0:
+            self._layout, self.scene = layout, Scene(layout)
+        scene, self.robots = self.scene, np.zeros(count, ROBOT)
+        begun = [(*start, *start, goal.x_m, goal.y_m, 1) for start, goal in zip(starts, layout.goals, strict=True)]
+        for name, column in zip(_BEGUN, zip(*begun, strict=True), strict=True):
+            self.robots[name] = column
         self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
         self.pipeline = (
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
