@@ -82,8 +82,8 @@ def difference(stored: StoredResults, metric: str, select: Select, than: Select)
         than: the cells of the second, over the same starts.
     """
     if metric == "success":
-        sides = [_fleets(stored, chosen) for chosen in (select, than)]
-        pairs = sides[0].merge(sides[1], on=["world", "seed", "episode"], suffixes=("", "_other"))
+        here, there = map(_fleets, stored.sides(select, than))
+        pairs = here.merge(there, on=["world", "seed", "episode"], suffixes=("", "_other"))
         successes = (pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))
         return None if pairs.empty else newcombe_paired(*successes)
     pairs = stored.pairs(select, than)
@@ -118,7 +118,6 @@ def described_is_less(stored: StoredResults, table: str, column: str, where: Sel
     return share_of([stored.described_value(table, column, where) < stored.described_value(table, column, than)])
 
 
-def _fleets(stored: StoredResults, select: Select) -> "pd.DataFrame":
+def _fleets(rows: "pd.DataFrame") -> "pd.DataFrame":
     """Return one row an episode with the names that make its pairs."""
-    rows = stored.select(**select)
     return fleets(rows).merge(rows[["run_id", "world", "seed"]].drop_duplicates(), on="run_id")

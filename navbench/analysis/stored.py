@@ -1,6 +1,7 @@
 """A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ class StoredResults:
         self.results = results
         self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
+        self._noted: set[tuple[str, str]] = set()
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
@@ -88,6 +90,11 @@ class StoredResults:
             ResultsError: nothing was tuned.
         """
         return self.results.evaluations()
+
+    @cached_property
+    def checks(self) -> "pd.DataFrame":
+        """The table of what the best of each tuning cost when it was run again."""
+        return self.results.checks()
 
     @cached_property
     def descriptions(self) -> "dict[str, pd.DataFrame]":
@@ -209,7 +216,34 @@ class StoredResults:
         rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
+        self._noted |= set(rows[["simulator", "name"]].drop_duplicates().itertuples(index=False, name=None))
         return rows
+
+    @contextmanager
+    def noting(self) -> Iterator[set[tuple[str, str]]]:
+        """Give a set that holds the simulators of all episodes that are selected meanwhile, with the cells' names."""
+        outer, inner = self._noted, set[tuple[str, str]]()
+        self._noted = inner
+        try:
+            yield inner
+        finally:
+            outer |= inner
+            self._noted = outer
+
+    def sides(self, select: Mapping[str, Any], than: Mapping[str, Any]) -> tuple["pd.DataFrame", "pd.DataFrame"]:
+        """Return the episodes of the cells that are compared, of the one and of the other.
+
+        Raises:
+            DescriptionError: they ran in different simulators.
+        """
+        sides = self.select(**select), self.select(**than)
+        simulators = sorted({simulator for rows in sides for simulator in rows["simulator"].unique()})
+        if len(simulators) > 1:
+            labels = " and ".join(rows["label"].iloc[0] for rows in sides)
+            raise DescriptionError(
+                f"{self.results.path}: {labels} ran in {' and '.join(simulators)}; compare cells of one simulator"
+            )
+        return sides
 
     def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any], each: bool = False) -> "pd.DataFrame":
         """Return the pairs of two controllers that met the same start and noise, the other's columns with "_other".
@@ -220,9 +254,10 @@ class StoredResults:
             each: whether one that met the same start several times, as with several tunings, makes a pair each time.
 
         Raises:
-            DescriptionError: one of them met a start several times, as with several tunings: pairs are not single.
+            DescriptionError: one of them met a start several times, as with several tunings: pairs are not single;
+                and as ``sides``.
         """
-        sides = self.select(**select), self.select(**than)
+        sides = self.sides(select, than)
         for rows in sides:
             if not each and rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")

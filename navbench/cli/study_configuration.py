@@ -13,6 +13,7 @@ from navbench.analysis.claims import check_claims
 from navbench.cli.building import made
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
 from navbench.cli.configuration import cell_of, without
+from navbench.cli.progress import complain
 from navbench.cli.references import check_references
 from navbench.cli.tunable import dimensions_of
 from navbench.experiments.cells import Cell
@@ -26,7 +27,17 @@ Words = tuple[str, ...]
 
 TUNER = ("population", "generations(space, rng)")
 REPAIR = ("__call__(values)",)
-OF_A_TUNING = ("tuner", "objective", "budget", "name", "world", "worlds", "workers", "hydra")  # not of its cells
+OF_A_TUNING = (
+    "tuner",
+    "objective",
+    "budget",
+    "name",
+    "world",
+    "worlds",
+    "verify",
+    "workers",
+    "hydra",
+)  # not of its cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -184,6 +195,9 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
     """
     values, choices = composed.values, composed.choices
     cell = cell_of(composed)
+    for i, world in enumerate(values["worlds"]):
+        if world in (choices["world"], *values["worlds"][:i]):
+            raise DescriptionError(f"worlds[{i}]={world}: stands there twice; `world` is the first of them")
     tunable = values["controller"].get("tunable") or {}
     if not tunable:
         raise DescriptionError(
@@ -200,7 +214,7 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
         name=name,
         tuner_name=str(choices["tuner"]),
         objective_name=str(choices["objective"]),
-        cells=(cell, *_further_cells(values["worlds"], choices, overrides, composer)),
+        cells=(cell, *_cells_in(choices["simulator"], values["worlds"], choices, overrides, composer)),
         tuner=made("tuner.build", searched["tuner"].get("build"), TUNER),
         dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
         objective=describe(Objective, searched["objective"], "objective"),
@@ -209,22 +223,43 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
         configuration=configuration if repair is None else {**configuration, "repair": repair},
         sources={part: values[part].get("sources", {}) for part in searched},
         repair=None if repair is None else made("controller.repair", repair, REPAIR),
+        verified_in=_verified_in(values, choices, overrides, composer),
     )
 
 
-def _further_cells(
-    worlds: Sequence[str], choices: Mapping[str, Any], overrides: Sequence[str], composer: Composer
+def _verified_in(
+    values: Mapping[str, Any], choices: Mapping[str, Any], overrides: Sequence[str], composer: Composer
+) -> tuple[Cell, ...]:
+    """Return the tuning's cells in the simulator that verifies; none, and said, where it lacks what it needs."""
+    simulator = values["verify"]
+    if simulator in (None, choices["simulator"]):
+        return ()
+    try:
+        return tuple(_cells_in(simulator, [choices["world"], *values["worlds"]], choices, overrides, composer))
+    except DescriptionError as error:
+        if not str(error).startswith("simulator._target_="):
+            raise
+        complain(f"verify={simulator}: skipped; {error}")
+        return ()
+
+
+def _cells_in(
+    simulator: str, worlds: Sequence[str], choices: Mapping[str, Any], overrides: Sequence[str], composer: Composer
 ) -> list[Cell]:
-    """Return the cells of the same words in further worlds, each on the robot that it was drawn for or that they name.
+    """Return the cells of a tuning's words in some worlds, each on the robot that it was drawn for or that they name.
 
     Raises:
-        DescriptionError: a world stands there twice, or as ``cell_of``.
+        DescriptionError: as ``cell_of``.
     """
-    for i, world in enumerate(worlds):
-        if world in (choices["world"], *worlds[:i]):
-            raise DescriptionError(f"worlds[{i}]={world}: stands there twice; `world` is the first of them")
-    controller = f"controller={choices['controller']}"
-    kept = [
-        word for word in overrides if key_of(word) != "controller" and key_of(word).split(".")[0] not in OF_A_TUNING
-    ]
-    return [cell_of(composer.values("run", [controller, *kept, f"world={world}"])) for world in worlds]
+    first, chosen = choices["world"], {"controller": choices["controller"], "simulator": simulator}
+    cells = []
+    for world in worlds:
+        kept = [
+            word
+            for word, key in zip(overrides, map(key_of, overrides), strict=True)
+            if not (key in chosen or key.split(".")[0] in OF_A_TUNING)
+            or (world == first and key.startswith("world."))  # which holds for the first world alone
+        ]
+        words = [*(f"{group}={name}" for group, name in {**chosen, "world": world}.items()), *kept]
+        cells.append(cell_of(composer.values("run", words)))
+    return cells

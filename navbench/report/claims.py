@@ -14,7 +14,7 @@ from navbench.validation import DescriptionError
 
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
 SHOWN = ("show", "decimals", "signed")
-CLAIMS = ("id", "statement", "where", "printed", "measured", "n", "tolerance", "evidence", "verdict")
+CLAIMS = ("id", "statement", "where", "printed", "measured", "n", "simulator", "tolerance", "evidence", "verdict")
 
 
 def findings(page: Page, *, sentences: Sequence[Mapping[str, Any]]) -> Blocks:
@@ -75,6 +75,7 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
     return [
         *found,
         str(claim["n"]),
+        claim["simulator"],
         claim["tolerance"],
         _plain(claim["evidence"]),
         _plain(claim["verdict"]) + reason,

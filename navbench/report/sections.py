@@ -1,7 +1,7 @@
 """The sections that a report's outline may name by one word; others it names by their dotted names."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, TypeAlias
@@ -90,4 +90,13 @@ def build_section(page: Page, spec: Spec | str) -> list[Block]:
     title = spec.get("title") or name.replace("_", " ").capitalize()
     text = [Paragraph(spec["text"])] if spec.get("text") else []
     here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
-    return [Heading(title), *text, *section(here, **arguments)]
+    with page.stored.noting() as noted:
+        blocks = section(here, **arguments)
+    return [Heading(title), *text, *_simulators(noted), *blocks]
+
+
+def _simulators(noted: Set[tuple[str, str]]) -> list[Block]:
+    """Return the line that says which simulator made a section's numbers, of which cells where there are several."""
+    found = {simulator: sorted(name for of, name in noted if of == simulator) for simulator, _ in sorted(noted)}
+    told = [f"{simulator} ({', '.join(names)})" if len(found) > 1 else simulator for simulator, names in found.items()]
+    return [Paragraph(f"Simulator: {'; '.join(told)}.")] if told else []

@@ -103,7 +103,7 @@ def summary(page: Page) -> Blocks:
     """Return one row a cell: who arrived, and the means of those."""
     cells = page.stored.cells.drop_duplicates("run_id")
     metrics = page.stored.metrics.values()
-    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.episodes, metrics), on="run_id")
+    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.select(), metrics), on="run_id")
     held = [metric for metric in metrics if metric.name in table]
     summed = [*(metric.name for metric in held), *FAILURES, "makespan_s"]
     rows = []
@@ -126,7 +126,7 @@ def failed(page: Page, *, at_most: int = 20) -> Blocks:
     Args:
         at_most: how many.
     """
-    rows = page.stored.episodes.drop_duplicates(["run_id", "episode", "robot_index"])
+    rows = page.stored.select().drop_duplicates(["run_id", "episode", "robot_index"])
     return [Lines(failures(rows.assign(controller=rows["label"]), at_most) or ["No robot failed."])]
 
 
