@@ -16,6 +16,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -96,13 +97,14 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
         changed = digest_of_sources.__wrapped__(self._beside) != self._digest
         if changed or cres.library.has_dynamic_globals or " at 0x" in repr(sig):
             return
-        try:
+        with suppress(Exception):  # no room, no right to write, or nothing to pickle: the next process compiles again
             file = self._file(sig, cres.codegen)
-            with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as written:
-                written.write(_dumps(cres._reduce()))
-            os.replace(written.name, file)
-        except OSError:  # no room, or no right to write: the next process compiles again
-            return
+            temporary = file.with_name(f".{file.name}.{os.getpid()}")
+            try:
+                temporary.write_bytes(_dumps(cres._reduce()))
+                os.replace(temporary, file)
+            finally:
+                temporary.unlink(missing_ok=True)
 
     def _file(self, sig: Any, codegen: Any) -> Path:
         code = self._function.__code__

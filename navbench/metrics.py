@@ -19,6 +19,7 @@ from navbench.world.layout import Layout
 from navbench.world.shapes import Point
 
 FloatArray = NDArray[np.float64]
+TURNS_RADPS = 1e-9  # what turns slower is rounding, far below any command
 ARROWS = {"less": " ↓", "more": " ↑", "": ""}
 
 
@@ -173,7 +174,7 @@ def collisions(run: RobotRun) -> int:
     unit="m",
     better="more",
     definition="the least distance from the hull to anything, computed from the shapes at the end of each substep, "
-    "not by the physics engine; below 0, how deep the last substep went in",
+    "not by the physics engine; below 0, how deep a mover drove into a blocked robot",
 )
 def min_clearance_m(run: RobotRun) -> float:
     return run.min_clearance_m
@@ -224,8 +225,8 @@ def total_turning_rad(run: RobotRun) -> float:
     unit="",
     better="less",
     lost=0,
-    definition="how often the turning rate changed its sign from one control period to the next, periods of no "
-    "turning left out; counts chattering",
+    definition="how often the turning rate changed its sign from one control period to the next, periods in which it "
+    "is at most 1e-9 rad/s, which is rounding, left out; counts chattering",
 )
 def w_sign_changes(run: RobotRun) -> int:
     return sign_changes(run.states[:-1, 5])
@@ -276,6 +277,6 @@ def bearing_errors(poses: FloatArray, goal_x_m: float, goal_y_m: float) -> Float
 
 
 def sign_changes(values: FloatArray) -> int:
-    """Return how often a series changes its sign, zeros left out."""
-    signs = np.sign(values[values != 0.0])
+    """Return how often a series of turning rates changes its sign, those left out that are rounding."""
+    signs = np.sign(values[np.abs(values) > TURNS_RADPS])
     return int(np.count_nonzero(signs[1:] != signs[:-1]))

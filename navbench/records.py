@@ -18,7 +18,7 @@ Outcome = Literal["reached", "collided", "timed_out", "controller_error", "no_la
 class Thing:
     """Something that a robot can touch: of what kind, and which one of these in its world."""
 
-    kind: Literal["box", "disc", "mover", "polygon", "robot", "wall"]
+    kind: Literal["box", "cell", "disc", "mover", "polygon", "robot", "wall"]
     index: int
 
     def __str__(self) -> str:

@@ -182,7 +182,7 @@ def store(
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]
         world, _ = world_of(cell.configuration["world"], cell.names.world)
         pairs = [
-            (episode, record._replace(layout=world.drawn_for(cell.seed, episode)))
+            (episode, record._replace(layout=world.drawn_for(cell.seed, episode) if len(record.states) else None))
             for episode, fleet in enumerate(fleets)
             for record in fleet
         ]

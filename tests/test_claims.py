@@ -150,6 +150,10 @@ def test_a_claim_refuses_what_it_does_not_know(wrong: dict[str, Any], says: str)
         ({"holds": "under 0"}, "holds=under 0: must be as `in 95 % of the cases`"),
         ({"evidence": "free"}, "must have `evidence`"),
         ({"practically_equal": "-1 s"}, "practically_equal=-1 s: must be above 0"),
+        (
+            {"practically_equal": "2 %", "measure": "diference"},
+            "measure=diference: must be a number, .* did you mean difference?",
+        ),
         ({"practically_equal": "2 %", "measure": "median"}, "must be a number, unless the measure is `difference`"),
     ],
 )

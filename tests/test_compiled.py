@@ -141,6 +141,21 @@ def test_where_nothing_can_be_written_functions_are_compiled_without_a_cache(tre
     assert [said(start(tree, program, **settings)) for _ in range(2)] == ["20.0 0", "20.0 0"]
 
 
+@pytest.mark.parametrize(
+    "failing",
+    [
+        "import os; os.replace = lambda *_: 1 / 0",
+        "import pathlib; write = pathlib.Path.write_bytes; "
+        "pathlib.Path.write_bytes = lambda path, content: (write(path, content[:9]), 1 / 0)",
+        "import navbench.compiled; navbench.compiled._dumps = lambda _: 1 / 0",
+    ],
+    ids=["rename", "write", "pickle"],
+)
+def test_code_that_cannot_be_kept_is_run_all_the_same_and_leaves_no_file(tree: Path, failing: str) -> None:
+    assert said(start(tree, f"{failing}; {CALL.format(OURS)}")) == "20.0 0"
+    assert kept(tree.parent / "cache") == []
+
+
 def test_only_the_last_used_states_of_the_sources_are_kept(tree: Path) -> None:
     folder = tree.parent / "cache/compiled"
     for number in range(45):

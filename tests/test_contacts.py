@@ -1,4 +1,4 @@
-"""Contacts by kind, from the count of one touch to the metrics of an episode; and the scene that is touched."""
+"""Contacts by kind, in the metrics of an episode; and the scene that is touched."""
 
 import math
 from typing import Any
@@ -10,8 +10,6 @@ from scenes import BLOCK, IDEAL, Scripted, a_robot, a_world, always, run, run_on
 from navbench.contract import Command, Observation
 from navbench.records import RobotRecord, Thing
 from navbench.simulation.bullet import prism
-from navbench.simulation.contacts import ContactLedger, Contacts
-from navbench.simulation.motion import ROBOT
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.scene import Scene
 from navbench.world.layout import DrawnWorld, FinishLine, Start
@@ -143,14 +141,14 @@ def test_a_contact_names_the_mover_by_its_place_in_the_world(index: int, outline
     )
     record = run_one(a_world(movers=movers, starts=starts((0, lanes[index], 0))), always(0.0))
     assert (record.hit, record.reason) == (Thing("mover", index), f"hit mover {index}")
-    assert record.metrics["time_s"] == pytest.approx((6.0 - 1.0 - (0.5 if outlined else 1.0)) / 2.0, abs=0.13)
+    assert record.metrics["time_s"] == pytest.approx((6.0 - 1.0 - (0.5 if outlined else 1.0)) / 2.0, abs=1e-9)
 
 
 def test_a_contact_names_a_polygon() -> None:
     corners = tuple(Point(x_m=x, y_m=y) for x, y in ((4.0, -1.0), (6.0, 0.0), (4.0, 1.0)))
     record = run_one(a_world(polygons=(Polygon(corners=corners),)), always(1.0))
     assert (record.reason, counted(record)) == ("hit polygon 0", (1, 0, 0))
-    assert record.metrics["time_s"] == pytest.approx(3.0, abs=0.11)
+    assert record.metrics["time_s"] == pytest.approx(3.0, abs=1e-9)
 
 
 # --- how far the goal is at the end ---
@@ -160,15 +158,15 @@ def test_a_contact_names_a_polygon() -> None:
     ("changes", "expected"),
     [
         ({"time_limit_s": 4.0}, 6.0),
-        ({"discs": (Disc(x_m=6.1, y_m=0.0, radius_m=1.0),)}, 5.9),
-        ({"goal_tolerance_m": 0.05}, 0.0),
+        ({"discs": (Disc(x_m=6.13, y_m=0.0, radius_m=1.0),)}, 5.87),
+        ({"goal_tolerance_m": 0.05}, 0.05),
         ({"finish_line": FinishLine(x1_m=5.0, y1_m=-1.0, x2_m=5.0, y2_m=1.0)}, 5.0),
     ],
     ids=["timed out", "collided", "reached", "finished"],
 )
 def test_the_distance_to_the_goal_is_that_at_the_end(changes: dict[str, Any], expected: float) -> None:
     world = a_world(**{"goals": (Point(x_m=10.0, y_m=0.0),), "time_limit_s": 20.0, **changes})
-    assert run_one(world, always(1.0)).metrics["goal_distance_m"] == pytest.approx(expected, abs=0.101)
+    assert run_one(world, always(1.0)).metrics["goal_distance_m"] == pytest.approx(expected, abs=1e-9)
 
 
 def test_each_robots_distance_is_to_its_own_goal_even_where_its_controller_fails_at_once() -> None:
@@ -179,42 +177,6 @@ def test_each_robots_distance_is_to_its_own_goal_even_where_its_controller_fails
     world = a_world(starts=starts((0, 0, 0), (0, 10, 0)), goals=goals, time_limit_s=1.0)
     records = run(world, [Scripted(fail), always(0.0)])
     assert [record.metrics["goal_distance_m"] for record in records] == pytest.approx([30.0, 5.0])
-
-
-# --- the ledger ---
-
-
-def test_contacts_count_what_is_a_robot_apart() -> None:
-    contacts = Contacts().plus(Thing("robot", 12), stands=False).plus(Thing("wall", 0), stands=True)
-    assert contacts.plus(Thing("robot", 0), stands=True) == (3, 2, 2)
-    assert Contacts().plus(Thing("mover", 1), stands=False) == (1, 0, 0)
-
-
-def rows_of(clearance_m: float, left: float = 1.0, right: float = 1.0) -> np.ndarray[Any, np.dtype[np.void]]:
-    rows = np.zeros(1, ROBOT)
-    rows["clearance_m"], rows["left_mean_mps"], rows["right_mean_mps"] = clearance_m, left, right
-    return rows
-
-
-def test_a_held_robot_counts_again_only_after_it_was_further_away() -> None:
-    ledger = ContactLedger(1)
-    for clearance_m, touches, total, held in (
-        (0.01, True, 1, True),
-        (0.01, False, 1, True),  # no nearer and no further: the same touch
-        (0.005, True, 1, True),
-        (0.009, False, 1, True),
-        (0.02, False, 1, False),
-        (0.01, True, 2, True),
-    ):
-        ledger.hold({0: Thing("wall", 0)} if touches else {}, rows_of(clearance_m), 1.0)
-        assert (ledger.counts[0].total, ledger.any_held, ledger.touching[0]) == (total, held, touches)
-
-
-@pytest.mark.parametrize(("left", "right", "stands"), [(0.0, 0.0, 1), (0.0, 0.1, 0), (-0.1, 0.0, 0), (-0.1, 0.1, 0)])
-def test_a_robot_stands_where_both_wheels_do(left: float, right: float, stands: int) -> None:
-    ledger = ContactLedger(1)
-    ledger.add(0, Thing("robot", 1), rows_of(0.0, left, right))
-    assert ledger.counts == [(1, 1, stands)]
 
 
 # --- the scene ---

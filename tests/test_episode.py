@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scenes import (
     BLOCK,
+    IDEAL,
     STAND,
     Scripted,
     a_ring,
@@ -29,8 +30,9 @@ from scenes import (
 from navbench.contract import Command, Controller, Observation, Setup
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
-from navbench.mathematics.kinematics import advance_arc, closest_approach
+from navbench.mathematics.kinematics import advance_arc
 from navbench.mathematics.streams import stream
+from navbench.records import Thing
 from navbench.robot import Robot
 from navbench.sensors import Odometry, Tracker
 from navbench.simulation.options import SimulatorOptions
@@ -53,13 +55,14 @@ def to(x_m: float, y_m: float, tolerance_m: float = 0.01) -> dict[str, Any]:
 # --- arrival ---
 
 
-def test_a_robot_that_flies_through_the_goals_disc_within_a_substep_arrives_where_it_was_nearest() -> None:
+def test_a_robot_that_flies_through_the_goals_disc_within_a_substep_arrives_where_it_enters_it() -> None:
     record = run_one(a_world(**to(3.33, 0.005)), always(1.0))
+    entered = 3.33 - math.sqrt(0.01**2 - 0.005**2)
     assert record.outcome == "reached"
     assert record.reason == ""
-    assert record.metrics["time_s"] == pytest.approx(3.33, abs=1e-12)
-    assert record.states[-1, :4] == pytest.approx([3.33, 3.33, 0.0, 0.0], abs=1e-12)
-    assert record.states[-2, [0, 4, 5]] == pytest.approx([3.3, 1.0, 0.0])  # the mean over the 0.03 s that it drove
+    assert record.metrics["time_s"] == pytest.approx(entered, abs=1e-9)
+    assert record.states[-1, :4] == pytest.approx([entered, entered, 0.0, 0.0], abs=1e-9)
+    assert record.states[-2, [0, 4, 5]] == pytest.approx([3.3, 1.0, 0.0])  # the mean over the 0.02 s that it drove
 
 
 def test_a_goal_missed_by_more_than_the_tolerance_is_not_reached() -> None:
@@ -68,7 +71,8 @@ def test_a_goal_missed_by_more_than_the_tolerance_is_not_reached() -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.07, 0.25, 2.0])
-def test_arrival_on_an_arc_is_its_closest_approach_and_the_robot_stays_there(period_s: float) -> None:
+def test_arrival_on_an_arc_is_where_it_enters_the_goals_disc_and_the_robot_stays_there(period_s: float) -> None:
+    """By the law of cosines in the triangle of the arc's centre, the goal and the point of entrance."""
     rng = np.random.default_rng(1)
     for _ in range(10):
         radius, turned, aside = rng.uniform(2.0, 6.0), rng.uniform(0.3, 2.5), rng.uniform(-0.009, 0.009)
@@ -78,20 +82,19 @@ def test_arrival_on_an_arc_is_its_closest_approach_and_the_robot_stays_there(per
         goal_x, goal_y, _ = advance_arc(0.0, 0.0, 0.0, v, w, turned / abs(w))
         goal_x, goal_y = goal_x * (1.0 + aside / radius), centre_y + (goal_y - centre_y) * (1.0 + aside / radius)
         record = run_one(a_world(**to(goal_x, goal_y), time_limit_s=60.0), always(v, w), period_s=period_s)
-        when, nearest = closest_approach(0.0, 0.0, 0.0, v, w, 60.0, goal_x, goal_y)
-        assert nearest == pytest.approx(abs(aside), abs=1e-9)
+        to_goal = radius + aside
+        before = math.acos((radius**2 + to_goal**2 - 0.01**2) / (2.0 * radius * to_goal))
         assert record.outcome == "reached"
-        # Where a substep ends within the tolerance and before the nearest point, arrival is that substep's end.
-        assert when - 0.01 / 0.5 <= record.metrics["time_s"] <= when + 1e-9
-        ahead = advance_arc(0.0, 0.0, 0.0, v, w, record.metrics["time_s"])
+        assert record.metrics["time_s"] == pytest.approx((turned - before) / abs(w), abs=1e-9)
+        ahead = advance_arc(0.0, 0.0, 0.0, v, w, (turned - before) / abs(w))
         assert record.states[-1, 1:3] == pytest.approx(ahead[:2], abs=1e-9)
-        assert math.hypot(ahead[0] - goal_x, ahead[1] - goal_y) <= 0.01
+        assert record.metrics["goal_distance_m"] == pytest.approx(0.01, abs=1e-9)
 
 
-def test_arrival_is_the_nearest_point_of_the_first_substep_that_comes_near_enough() -> None:
-    """With substeps of 0.25 m the robot is 0.18 m, then 0.07 m from the goal at their ends."""
-    record = run_one(a_world(**to(2.93, 0.0, tolerance_m=0.2)), always(1.0), period_s=0.25)
-    assert record.metrics["time_s"] == pytest.approx(2.75)
+@pytest.mark.parametrize("period_s", [0.02, 0.25, 2.0])
+def test_arrival_is_the_first_instant_that_is_near_enough_whatever_the_period(period_s: float) -> None:
+    record = run_one(a_world(**to(2.93, 0.0, tolerance_m=0.2)), always(1.0), period_s=period_s)
+    assert record.metrics["time_s"] == pytest.approx(2.73, abs=1e-12)
 
 
 def test_a_robot_at_its_goal_arrives_at_once_and_never_moves() -> None:
@@ -102,21 +105,31 @@ def test_a_robot_at_its_goal_arrives_at_once_and_never_moves() -> None:
     assert len(controller.seen) == 1
 
 
-def test_contact_beats_arrival_in_the_same_substep() -> None:
-    for x in (4.02, 4.055):  # the wheels cover 4.0 to 4.1 in the substep in which the hull meets the wall, at 4.05
-        record = run_one(a_world(walls=(WALL,), **to(x, 0.0)), always(1.0))
-        assert (record.outcome, record.reason) == ("collided", "hit wall 0")
-        assert record.metrics["time_s"] == pytest.approx(4.1)
+@pytest.mark.parametrize("options", [IDEAL, BLOCK], ids=["end", "block"])
+def test_what_comes_first_counts_arrival_or_contact_within_one_substep_too(options: SimulatorOptions) -> None:
+    """The hull meets the wall at 4.05 m; the goal's disc begins before or beyond that."""
+    for x, y in ((3.98, 0.0), (4.02, 0.0), (4.059, 0.0), (4.0555, 0.008), (4.0565, 0.008)):
+        record = run_one(a_world(walls=(WALL,), **to(x, y)), always(1.0), options=options)
+        entered = x - math.sqrt(0.01**2 - y**2)
+        outcome = "reached" if entered < 4.05 else "timed_out" if options is BLOCK else "collided"
+        assert record.outcome == outcome
+        assert record.reason == ("hit wall 0" if outcome == "collided" else "")
+        assert record.metrics["collisions"] == (entered > 4.05)
+        ended = 10.0 if outcome == "timed_out" else min(entered, 4.05)
+        assert record.metrics["time_s"] == pytest.approx(ended, abs=1e-9)
+        assert record.states[-1, 1] == pytest.approx(min(entered, 4.05), abs=1e-9)
 
 
-def test_contact_beats_arrival_for_a_blocked_robot_too() -> None:
-    record = run_one(a_world(walls=(WALL,), **to(4.02, 0.0)), always(1.0), options=BLOCK)
-    assert record.outcome == "timed_out"
-    assert record.states[-1, 1] == pytest.approx(4.0)
-
-
-def test_arrival_in_the_substep_before_the_contact_counts() -> None:
-    assert run_one(a_world(walls=(WALL,), **to(3.98, 0.0)), always(1.0)).outcome == "reached"
+@pytest.mark.parametrize("options", [IDEAL, BLOCK], ids=["end", "block"])
+def test_contact_beats_arrival_at_the_same_instant(options: SimulatorOptions) -> None:
+    """Both come at 4 m, in numbers that are exact in binary."""
+    wall = Wall(x1_m=5.5, y1_m=-50.0, x2_m=5.5, y2_m=50.0, thickness_m=1.0)
+    world = a_world(walls=(wall,), **to(4.25, 0.0, tolerance_m=0.25))
+    record = run_one(world, always(1.0), options=options, period_s=0.5)
+    assert record.metrics["collisions"] == 1
+    assert record.states[-1, 1] == 4.0
+    if options is IDEAL:
+        assert (record.outcome, record.reason, record.metrics["time_s"]) == ("collided", "hit wall 0", 4.0)
 
 
 # --- finish lines ---
@@ -134,13 +147,12 @@ def test_a_straight_way_crosses_the_finish_line_at_the_exact_instant(top: float,
     assert record.states[-1, 1:3] == pytest.approx([0.5 * (top + bottom), 0.0], abs=1e-12)
 
 
-def test_a_curved_way_crosses_the_finish_line_where_its_chord_does() -> None:
+def test_a_curved_path_crosses_the_finish_line_at_the_exact_instant() -> None:
     for x in np.linspace(1.0, 3.5, 21).tolist():
         record = run_one(a_world(**line(x, 9.0, x, -9.0)), always(0.8, 0.2))
         crossed = math.asin(x / 4.0) / 0.2
-        sagitta = 0.08**2 / (8.0 * 4.0)
-        assert record.metrics["time_s"] == pytest.approx(crossed, abs=sagitta / (0.8 * math.cos(0.2 * crossed)) * 1.2)
-        assert record.states[-1, 1:3] == pytest.approx(advance_arc(0, 0, 0, 0.8, 0.2, record.metrics["time_s"])[:2])
+        assert record.metrics["time_s"] == pytest.approx(crossed, abs=1e-9)
+        assert record.states[-1, 1:3] == pytest.approx([x, 4.0 * (1.0 - math.cos(0.2 * crossed))], abs=1e-9)
 
 
 def test_with_a_finish_line_neither_the_goal_nor_a_way_around_the_line_is_an_arrival() -> None:
@@ -219,7 +231,7 @@ def test_a_contact_ends_both_robots_at_once_and_no_other() -> None:
     first, second, third = run(world, always(1.0))
     assert (first.outcome, first.reason) == ("collided", "hit robot 1")
     assert (second.outcome, second.reason) == ("collided", "hit robot 0")
-    assert first.metrics["time_s"] == second.metrics["time_s"] == pytest.approx(2.1)
+    assert first.metrics["time_s"] == second.metrics["time_s"] == pytest.approx(2.015, abs=1e-9)
     assert first.metrics["collisions"] == second.metrics["collisions"] == 1
     assert third.outcome == "timed_out"
     assert third.metrics["path_length_m"] == pytest.approx(10.0)
@@ -229,15 +241,17 @@ def test_a_robot_that_drives_into_a_standing_one_ends_both() -> None:
     world = a_world(starts=starts((0, 0, 0), (6.03, 0, 1.0)))
     records = run(world, [always(1.0), always(0.0)])
     assert [record.outcome for record in records] == ["collided", "collided"]
-    assert records[1].metrics["time_s"] == pytest.approx(4.1)
+    assert records[1].metrics["time_s"] == pytest.approx(4.03, abs=1e-9)
     assert records[1].metrics["path_length_m"] == 0.0
 
 
-def test_a_contact_of_three_robots_ends_all_three() -> None:
-    world = a_world(starts=starts((0, 0, 0), (3.03, 0, 0), (6.06, 0, math.pi)))
+def test_a_contact_of_three_robots_at_one_instant_ends_all_three() -> None:
+    world = a_world(starts=starts((0, 0, 0), (3, 0, 0), (6, 0, math.pi)))
     records = run(world, [always(1.0), always(0.0), always(1.0)])
+    assert [record.metrics["time_s"] for record in records] == pytest.approx([1.0] * 3, abs=1e-12)
     assert [record.outcome for record in records] == ["collided"] * 3
-    assert [record.reason for record in records] == ["hit robot 1", "hit robot 0", "hit robot 1"]
+    assert [record.hit for record in (records[0], records[2])] == [Thing("robot", 1)] * 2
+    assert records[1].hit in (Thing("robot", 0), Thing("robot", 2))  # rounding decides which came first
 
 
 def test_an_ended_robot_is_an_obstacle_that_keeps_its_outcome() -> None:
@@ -247,9 +261,9 @@ def test_an_ended_robot_is_an_obstacle_that_keeps_its_outcome() -> None:
     )
     first, second = run(world, [always(1.0), always(0.5)])
     assert (second.outcome, second.metrics["collisions"]) == ("reached", 0)
-    assert second.metrics["time_s"] < 1.1
+    assert second.metrics["time_s"] == pytest.approx(0.8, abs=1e-9)
     assert (first.outcome, first.reason) == ("collided", "hit robot 1")
-    assert first.metrics["time_s"] == pytest.approx(second.states[-1, 1] - 2.0, abs=0.11)
+    assert first.metrics["time_s"] == pytest.approx(4.4, abs=1e-9)
 
 
 def test_an_ended_robot_is_seen_by_rays_and_by_the_tracker_and_stands() -> None:
@@ -272,7 +286,7 @@ def test_a_mover_that_hits_a_standing_robot_ends_it_and_passes_on_to_the_next_on
     first, second = run(world, always(0.0))
     for record, touch_s in ((first, (10.0 - 1.5) / 2.0), (second, (16.0 - 1.5) / 2.0)):
         assert (record.outcome, record.reason) == ("collided", "hit mover 0")
-        assert touch_s <= record.metrics["time_s"] <= touch_s + 0.125
+        assert record.metrics["time_s"] == pytest.approx(touch_s, abs=1e-9)
         assert record.metrics["path_length_m"] == 0.0
         assert record.metrics["collisions"] == 1
 
@@ -301,7 +315,7 @@ def test_a_blocked_robot_goes_on_feels_the_touch_and_counts_it() -> None:
     assert all(touched[41:61])
     assert not any(touched[62:70])
     assert touched[-1]
-    assert record.states[:, 1].max() == pytest.approx(4.0)
+    assert record.states[:, 1].max() == pytest.approx(4.05, abs=1e-9)
     assert record.states[50, 4:] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 

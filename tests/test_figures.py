@@ -1,4 +1,4 @@
-"""What pictures show: words beside ways, chatter, ranges of what does not change, and fuzzy sets to their ends."""
+"""What pictures show: words beside paths, chatter, ranges of what does not change, and fuzzy sets to their ends."""
 
 import math
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from stored import a_cell, a_record, store, told
 
@@ -15,6 +16,7 @@ from navbench.analysis.stored import StoredResults
 from navbench.controllers.nemeiksis2019.sections import spells_on_path
 from navbench.report import page
 from navbench.report.described import memberships
+from navbench.report.figures import LINES_MAX, _sparse, draw_cells, panel_of
 from navbench.report.paths import cut, number_places
 from navbench.report.trajectories import chatter, time_series
 
@@ -119,7 +121,7 @@ def test_the_legend_of_a_way_names_only_what_drove(tmp_path: Path, kept: list[Fi
     )
     assert [text.get_text() for text in kept[0].legends[0].get_texts()] == ["go", "follow"]
     (left, right), (bottom, top) = kept[0].axes[0].get_xlim(), kept[0].axes[0].get_ylim()
-    assert top - bottom == pytest.approx(0.4 * (right - left))  # a straight way leaves no empty square
+    assert top - bottom == pytest.approx(0.4 * (right - left))  # a straight path leaves no empty square
 
 
 def test_a_number_stands_beside_its_way_within_the_frame() -> None:
@@ -154,3 +156,46 @@ def test_fuzzy_sets_go_round_a_circle_and_on_where_their_variable_saturates(tmp_
     assert sorted(text.get_text() for text in bearing.texts) == ["ahead", "back", "back"]
     assert drawn(distance, 1)[-1].tolist() == [2.0, 1.0]
     assert drawn(distance, 0)[-1].tolist() == [1.0, 0.0]
+
+
+def a_panel(path: Path, count: int) -> Any:
+    """Return what is drawn of a cell of so many episodes, every tenth of which failed."""
+    records = [a_record("timed_out" if i % 10 == 3 else "reached") for i in range(count)]
+    stored = store(path, [(a_cell("A"), records)])
+    return panel_of(stored, stored.manifest["cells"][0]["run_id"], stored.episodes)
+
+
+@pytest.mark.parametrize(("count", "shown"), [(3, 3), (LINES_MAX, LINES_MAX), (2 * LINES_MAX + 1, 134)])
+def test_a_panel_of_very_many_paths_shows_an_even_sample_and_its_title_says_so(
+    tmp_path: Path, count: int, shown: int
+) -> None:
+    (ax,) = draw_cells([a_panel(tmp_path, count)]).axes
+    lines, ends = ax.collections
+    assert isinstance(lines, LineCollection)
+    assert len(lines.get_segments()) == len(np.asarray(ends.get_offsets())) == shown
+    assert (f"\n{shown} of {count} paths, taken evenly" in ax.get_title()) == (shown < count)
+    assert len(np.unique(np.asarray(ends.get_edgecolor()), axis=0)) == (1 if count == 3 else 2)
+    assert legend_of(ax)[0] == f"reached: {count - (count + 6) // 10}"
+
+
+def legend_of(ax: Axes) -> list[str]:
+    legend = ax.get_legend()
+    assert legend
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_a_thin_path_keeps_its_ends_and_strays_less_than_a_pixel(tmp_path: Path) -> None:
+    angle = np.linspace(0.0, 5.0, 5000)
+    points = np.column_stack([np.cos(angle), np.sin(angle)])
+    thin = _sparse(points, 0.01)
+    assert len(thin) < 1000
+    assert (thin[[0, -1]] == points[[0, -1]]).all()
+    at = np.unwrap(np.arctan2(thin[:, 1], thin[:, 0]))
+    assert np.hypot(*(points - np.column_stack([np.interp(angle, at, part) for part in thin.T])).T).max() < 0.01
+    assert _sparse(points[:1], 0.01).tolist() == points[:1].tolist()
+
+
+def test_a_cell_of_which_nothing_was_driven_has_an_empty_panel(tmp_path: Path) -> None:
+    cell, _, episodes, trajectories = a_panel(tmp_path, 2)
+    (ax,) = draw_cells([(cell, None, episodes.assign(outcome="no_layout"), trajectories[:0])]).axes
+    assert legend_of(ax) == ["no layout: 2"]

@@ -14,7 +14,9 @@ import pytest
 from numpy.typing import NDArray
 
 import navbench
-from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, infer, memberships, rules_from_table
+from navbench.cli.building import made
+from navbench.cli.configuration import compose_cell
+from navbench.fuzzy.inference import FuzzyInference, Table, Term, Variable, fire, infer, memberships, rules_from_table
 
 NAMES = ["NL", "NM", "N", "NS", "ZN", "Z", "ZP", "PS", "P", "PM", "PL"]
 PHI_PEAKS_RAD = [-0.7854, -0.6283, -0.4712, -0.3142, -0.1571, 0.0, 0.1571, 0.3142, 0.4712, 0.6283, 0.7854]
@@ -56,13 +58,29 @@ def random_terms(rng: np.random.Generator, low: float, high: float, least_width:
     return terms
 
 
+KINDS = ["shoulders", "half triangles at the ends", "wide terms", "narrow terms", "smooth ends", "one crowd"]
+
+
 def random_output(rng: np.random.Generator, kind: str) -> Variable:
     low = rng.uniform(-5.0, 5.0)
     high = low + 10.0 ** rng.uniform(-1.0, 1.0)
     if kind in ("shoulders", "half triangles at the ends"):
         peaks = {f"t{k}": peak for k, peak in enumerate(np.sort(rng.uniform(low, high, rng.integers(2, 9))))}
         return Variable.from_peaks(peaks, low, high, shoulders=kind == "shoulders")
-    return Variable(low, high, random_terms(rng, low, high, 1e-4 if kind == "narrow terms" else 0.1))
+    terms = random_terms(rng, low, high, {"narrow terms": 1e-4, "one crowd": 0.9}.get(kind, 0.1))
+    if kind == "smooth ends":
+        for k, shape in enumerate(["z", "s", "z", "s"]):
+            points = np.sort(rng.uniform(low, high, 2)).tolist()
+            terms[f"end{k}"] = Term(shape, tuple(points))
+    return Variable(low, high, terms)
+
+
+def rule_bases(controller: str) -> list[FuzzyInference]:
+    """Return the rule bases with centroids of a controller of the configuration."""
+    build = compose_cell(f"controller={controller}").configuration["controller"]["build"]
+    owner = made("controller.build", build, ("reset", "act"))
+    held = [*vars(owner).values(), *(vars(owner.blocks).values() if hasattr(owner, "blocks") else ())]
+    return [base for base in held if isinstance(base, FuzzyInference)]
 
 
 def random_strengths(rng: np.random.Generator, n: int) -> list[float]:
@@ -72,57 +90,72 @@ def random_strengths(rng: np.random.Generator, n: int) -> list[float]:
     return [float(strength) for strength in np.minimum(strengths, 1.0)]
 
 
+def parabolas(term: Term) -> list[tuple[float, float, float]]:
+    """Return the lines and parabolas that a term follows: the factors of 1, x and x^2 of each."""
+    if term.shape in ("z", "s"):
+        foot, top = term.points if term.shape == "s" else term.points[::-1]
+        k = 2.0 / (top - foot) ** 2
+        return [(k * foot**2, -2.0 * k * foot, k), (1.0 - k * top**2, 2.0 * k * top, -k)]
+    a, b, *top_end, d = term.points
+    ramps = [(a, b), (d, top_end[0] if top_end else b)]
+    return [(foot / (foot - top), 1.0 / (top - foot), 0.0) for foot, top in ramps if foot != top]
+
+
+def meetings(one: tuple[float, float, float], other: tuple[float, float, float]) -> list[float]:
+    """Return where two lines or parabolas meet."""
+    e, p, q = (u - v for u, v in zip(one, other, strict=True))
+    if q == 0.0:
+        return [-e / p] if p != 0.0 else []
+    root = np.emath.sqrt(p * p - 4.0 * q * e)
+    larger = -0.5 * (p + math.copysign(1.0, p) * root)
+    return [complex(x).real for x in (larger / q, e / larger if larger != 0.0 else 0.0)]  # one cut more does no harm
+
+
 def exact_centroid(output: Variable, strengths: list[float]) -> float:
-    """Return the centroid of clipped triangles and trapezoids: cut wherever two lines meet, then straight pieces."""
-    corners = []
-    for term in output.terms.values():
-        a, b, *top_end, d = term.points
-        corners.append((a, b, top_end[0] if top_end else b, d))
-    lines, cuts = [(0.0, 0.0)], {output.low, output.high}
-    for (a, b, c, d), strength in zip(corners, strengths, strict=True):
-        cuts |= {a, b, c, d}
-        lines.append((0.0, strength))
-        lines += [(1.0 / (b - a), -a / (b - a))] if b > a else []
-        lines += [(-1.0 / (d - c), d / (d - c))] if d > c else []
-    cuts |= {(r - q) / (m - n) for (m, q), (n, r) in itertools.combinations(lines, 2) if m != n}
+    """Return the centroid by cuts wherever any two curves meet, and Gauss's rule, exact for x times a parabola."""
+    curves, cuts = [(0.0, 0.0, 0.0)], {output.low, output.high}
+    for term, strength in zip(output.terms.values(), strengths, strict=True):
+        cuts |= {*term.points, 0.5 * (term.points[0] + term.points[-1])}
+        curves += [(strength, 0.0, 0.0), *parabolas(term)]
+    for one, other in itertools.combinations(curves, 2):
+        cuts |= set(meetings(one, other))
     edges = np.array(sorted(cut for cut in cuts if output.low <= cut <= output.high))
     half = 0.5 * np.diff(edges)
     area = moment = 0.0
-    for gauss in (-1.0 / math.sqrt(3.0), 1.0 / math.sqrt(3.0)):  # exact for the quadratic x * line
+    for gauss in (-1.0 / math.sqrt(3.0), 1.0 / math.sqrt(3.0)):
         x = edges[:-1] + half * (1.0 + gauss)
-        height = np.zeros_like(x)
-        for (a, b, c, d), strength in zip(corners, strengths, strict=True):
-            ramps = [np.full_like(x, strength)]
-            ramps += [(x - a) / (b - a)] if b > a else []
-            ramps += [(d - x) / (d - c)] if d > c else []
-            height = np.maximum(height, np.where((x < a) | (x > d), 0.0, np.min(ramps, axis=0)))
+        height = np.minimum(memberships(output, x), np.array(strengths)[:, None]).max(axis=0)
         area += float(height @ half)
-        moment += float((height * x) @ half)
-    return moment / area
+        moment += float((height * (x - output.low)) @ half)
+    return output.low + moment / area
 
 
-@pytest.mark.parametrize("kind", ["shoulders", "half triangles at the ends", "wide terms", "narrow terms"])
-def test_centroid_is_within_a_thousandth_of_the_range_of_the_exact_one(kind: str) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_centroid_is_exact(kind: str) -> None:
     rng = np.random.default_rng(7)
-    for _ in range(500):
+    for _ in range(150):
         output = random_output(rng, kind)
         strengths = random_strengths(rng, len(output.terms))
         (crisp,) = one_rule_a_term(output)(*strengths)
-        assert abs(crisp - exact_centroid(output, strengths)) < 1e-3 * (output.high - output.low)
+        assert abs(crisp - exact_centroid(output, strengths)) < 1e-9 * (output.high - output.low)
 
 
-def test_more_samples_bring_the_centroid_nearer_to_the_exact_one() -> None:
-    rng = np.random.default_rng(8)
-    worst = {20: 0.0, 200: 0.0, 2000: 0.0}
-    for _ in range(100):
-        output = random_output(rng, "half triangles at the ends")
-        strengths = random_strengths(rng, len(output.terms))
-        exact = exact_centroid(output, strengths)
-        for samples in worst:
-            (crisp,) = one_rule_a_term(output, samples=samples)(*strengths)
-            worst[samples] = max(worst[samples], abs(crisp - exact) / (output.high - output.low))
-    assert worst[2000] < 0.2 * worst[200]
-    assert worst[200] < 0.2 * worst[20]
+@pytest.mark.parametrize("controller", ["sflc", "oa_to", "oa_to_ga", "multi_agent"])
+def test_centroids_of_the_shipped_rule_bases_are_exact(controller: str) -> None:
+    rng = np.random.default_rng(12)
+    bases = rule_bases(controller)
+    assert bases
+    for inference in bases:
+        for _ in range(50):
+            values = [rng.uniform(variable.low, variable.high) for variable in inference.inputs.values()]
+            fired = inference.strengths(*values)
+            for at, (output, crisp) in enumerate(zip(inference.outputs.values(), inference(*values), strict=True)):
+                concluded = [rule[len(values) + at] for rule in inference.rules]
+                strengths = [
+                    max((f for f, name in zip(fired.tolist(), concluded, strict=True) if name == term), default=0.0)
+                    for term in output.terms
+                ]
+                assert abs(crisp - exact_centroid(output, strengths)) < 1e-9 * (output.high - output.low)
 
 
 def scikit_fuzzy_membership(skfuzzy: Any, term: Term, x: NDArray[np.float64]) -> Any:
@@ -168,19 +201,6 @@ def test_z_and_s_are_smooth_mirrored_ramps() -> None:
     z, s = memberships(variable, [0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 10.0])
     np.testing.assert_allclose(z, [1.0, 1.0, 0.875, 0.5, 0.125, 0.0, 0.0])
     np.testing.assert_allclose(s, 1.0 - z)
-
-
-def test_centroid_of_smooth_terms_matches_a_fine_sum() -> None:
-    rng = np.random.default_rng(10)
-    x = (np.arange(200_000) + 0.5) / 200_000
-    for _ in range(50):
-        low, high = np.sort(rng.uniform(-0.2, 1.2, (2, 2)), axis=1)
-        if low[1] <= 0.0 or high[0] >= 1.0:
-            continue
-        output = Variable(0.0, 1.0, {"z": Term("z", (low[0], low[1])), "s": Term("s", (high[0], high[1]))})
-        strengths = random_strengths(rng, 2)
-        height = np.minimum(memberships(output, x), np.array(strengths)[:, None]).max(axis=0)
-        assert one_rule_a_term(output)(*strengths)[0] == pytest.approx((height @ x) / height.sum(), abs=1e-3)
 
 
 def test_an_upright_edge_belongs_to_its_term() -> None:
@@ -296,7 +316,7 @@ def test_surface_has_one_axis_an_input_and_one_for_the_outputs() -> None:
     assert surface[1, 2, 0] == inference(0.5, 0.9)[0]
 
 
-@pytest.mark.parametrize("options", [{}, {"defuzzification": "weighted_mean_of_peaks"}, {"samples": 50}])
+@pytest.mark.parametrize("options", [{}, {"defuzzification": "weighted_mean_of_peaks"}])
 def test_a_pickled_inference_gives_identical_outputs(options: dict[str, Any]) -> None:
     controller = heading_controller(**options)
     copy = pickle.loads(pickle.dumps(controller))
@@ -328,7 +348,7 @@ def test_every_rule_base_has_the_type_that_is_compiled_once() -> None:
     whole = Term("triangle", (0, 180, 360))
     lone = {"x": Variable(0, 360, {"a": whole}, circular=True)}, {"y": Variable(0, 360, {"a": whole})}, [("a", "a")]
     rng = np.random.default_rng(11)
-    cases = [heading_controller(), FuzzyInference(*lone, fallback={"y": 0}, samples=1)]
+    cases = [heading_controller(), FuzzyInference(*lone, fallback={"y": 0})]
     cases += [heading_controller(defuzzification="weighted_mean_of_peaks")]
     cases += [one_rule_a_term(random_output(rng, "wide terms")) for _ in range(20)]
     types = {numba.typeof(case.base) for case in cases}  # type: ignore[no-untyped-call,unused-ignore]
@@ -337,19 +357,21 @@ def test_every_rule_base_has_the_type_that_is_compiled_once() -> None:
 
 def test_compiled_code_can_call_the_inference() -> None:
     @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
-    def sweep(base: Any, phi_rad: Any, out: Any) -> int:
+    def sweep(base: Any, phi_rad: Any, out: Any, strengths: Any) -> int:
         unusable = 0
         for i in range(phi_rad.size):
             unusable += infer(base, phi_rad[i : i + 1], out[i]) >= 0
+            unusable += fire(base, phi_rad[i : i + 1], strengths[i]) >= 0
         return unusable
 
     controller = heading_controller()
     phi_rad = np.array([-0.5, 0.1, math.nan, 0.4])
-    out = np.empty((4, 2))
-    assert sweep(controller.base, phi_rad, out) == 1
+    out, strengths = np.empty((4, 2)), np.empty((4, 11))
+    assert sweep(controller.base, phi_rad, out, strengths) == 2
     assert np.isnan(out[2]).all()
     for i in (0, 1, 3):
         assert tuple(out[i]) == controller(phi_rad[i])
+        assert (strengths[i] == controller.strengths(phi_rad[i])).all()
 
 
 def test_without_compilation_the_outputs_are_the_same() -> None:
@@ -435,7 +457,6 @@ def test_a_wrong_variable_is_refused() -> None:
         ({"fallback": {"v": 2.0}}, r"output 'v': the fallback 2.0 lies outside \[0.0, 1.0\]"),
         ({"fallback": {"v": math.nan}}, r"output 'v': the fallback nan lies outside"),
         ({"defuzzification": "bisector"}, r"'bisector' is unknown; allowed: centroid, weighted_mean_of_peaks"),
-        ({"samples": 0}, r"samples must be at least 1"),
         ({"outputs": {"v": Variable(0.0, 1.0, {"slow": Term("z", (-2.0, -1.0))})}}, r"term 'slow' lies outside"),
         (
             {

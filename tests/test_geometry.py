@@ -3,12 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from navbench.mathematics.geometry import (
-    box_distance,
-    distance_to_nearest,
-    segment_crossing,
-    wrap_angle,
-)
+from navbench.mathematics.geometry import box_gap, distance_to_nearest, segment_crossing, wrap_angle
 
 NO_POLYGONS = np.empty((0, 5))
 
@@ -88,8 +83,35 @@ def test_the_distance_to_a_box_is_that_to_its_nearest_edge_and_negative_inside()
         x, y = rng.uniform(-4.0, 4.0, 2).tolist()
         expected = distance_to_outline(complex(x, y), box)
         inside += expected < 0.0
-        assert box_distance(x, y, np.array(as_row(box))) == pytest.approx(expected, abs=1e-12)
+        assert box_gap(x, y, np.array([as_row(box)]), 0)[0] == pytest.approx(expected, abs=1e-12)
     assert inside > 40
+
+
+def test_the_gradient_of_a_gap_is_how_the_distance_changes_and_points_away() -> None:
+    rng, step = np.random.default_rng(6), 1e-6
+    for _ in range(1000):
+        box = random_box(rng)
+        x, y = rng.uniform(-4.0, 4.0, 2).tolist()
+        _, nx, ny = box_gap(x, y, np.array([as_row(box)]), 0)
+        assert math.hypot(nx, ny) == pytest.approx(1.0, abs=1e-12)
+        changes = [
+            (distance_to_outline(complex(x, y) + turn, box) - distance_to_outline(complex(x, y) - turn, box))
+            / 2.0
+            / step
+            for turn in (complex(step, 0.0), complex(0.0, step))
+        ]
+        if math.hypot(*changes) > 1.0 - 1e-6:  # not where two sides are as near as each other
+            assert (nx, ny) == pytest.approx(tuple(changes), abs=1e-5)
+
+
+@pytest.mark.parametrize(("x", "y", "gap"), [(2.0, 0.5, 0.0), (-2.0, -0.5, 0.0), (2.0, 1.0, 0.0), (0.0, 0.0, -1.0)])
+def test_a_gap_has_a_unit_gradient_on_the_edge_at_a_corner_and_in_the_middle_too(
+    x: float, y: float, gap: float
+) -> None:
+    got, nx, ny = box_gap(x, y, np.array([[0.0, 0.0, 2.0, 1.0, 1.0, 0.0]]), 0)
+    assert got == gap
+    assert math.hypot(nx, ny) == 1.0
+    assert nx * x + ny * y >= 0.0
 
 
 def test_the_nearest_of_boxes_and_discs_decides() -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from navbench.mathematics.kinematics import advance_arc, body_speed, closest_approach, lag_speed, ramp_speed
+from navbench.mathematics.kinematics import advance_arc, body_speed, lag_speed, ramp_speed
 
 Motion = tuple[float, float, float, float, float]  # x, y, heading, v, w
 
@@ -135,52 +135,3 @@ def test_a_lag_in_two_steps_is_a_lag_in_one() -> None:
     mean, whole = lag_speed(-0.4, 1.1, 0.3, 0.7)
     assert final == pytest.approx(whole, abs=1e-14)
     assert 0.2 * first_mean + 0.5 * second_mean == pytest.approx(0.7 * mean, abs=1e-14)
-
-
-def brute_force(motion: Motion, dt_s: float, goal: tuple[float, float], samples: int) -> tuple[float, float]:
-    """Return the nearest of many samples of the way: its time and distance."""
-    x, y, heading, v, w = motion
-    times = np.linspace(0.0, dt_s, samples)
-    half = 0.5 * w * times
-    chords = v * times * np.sinc(half / math.pi)
-    away = np.hypot(x + chords * np.cos(heading + half) - goal[0], y + chords * np.sin(heading + half) - goal[1])
-    nearest = int(np.argmin(away))
-    return float(times[nearest]), float(away[nearest])
-
-
-@pytest.mark.parametrize("turning", ["arc", "slight", "straight"])
-def test_the_closest_approach_is_what_brute_force_finds(turning: str) -> None:
-    rng = np.random.default_rng(7)
-    inner = 0
-    for _ in range(300):
-        x, y, heading, v, w = random_motion(rng)
-        w = {"arc": w, "slight": 1e-7 * w, "straight": 0.0}[turning]
-        dt = rng.uniform(0.1, 3.0)
-        goal_x, goal_y = rng.uniform(-6.0, 6.0, 2).tolist()
-        motion = (x, y, heading, v, w)
-        when, distance = closest_approach(*motion, dt, goal_x, goal_y)
-        _, sampled = brute_force(motion, dt, (goal_x, goal_y), 20_001)
-        there = advance_arc(*motion, when)
-        inner += 0.0 < when < dt
-        assert 0.0 <= when <= dt
-        assert distance == pytest.approx(math.hypot(there[0] - goal_x, there[1] - goal_y), abs=1e-12)
-        assert distance <= sampled + 1e-9
-        assert distance >= sampled - abs(v) * dt / 20_000
-    assert 50 < inner < 290
-
-
-def test_of_several_rounds_the_first_one_is_the_closest_approach() -> None:
-    when, distance = closest_approach(0.0, 0.0, 0.0, 1.0, 1.0, 20.0, 2.0, 1.0)
-    assert when == pytest.approx(0.5 * math.pi)
-    assert distance == pytest.approx(1.0)
-
-
-def test_a_standing_or_spinning_robot_is_nearest_at_once() -> None:
-    assert closest_approach(0.0, 0.0, 0.3, 0.0, 0.0, 1.0, 3.0, 4.0) == (0.0, 5.0)
-    assert closest_approach(0.0, 0.0, 0.3, 0.0, 2.0, 1.0, 3.0, 4.0) == (0.0, 5.0)
-
-
-def test_a_reversing_robot_passes_a_goal_behind_it() -> None:
-    when, distance = closest_approach(0.0, 0.0, 0.0, -2.0, 0.0, 1.0, -0.5, 0.1)
-    assert when == pytest.approx(0.25)
-    assert distance == pytest.approx(0.1)

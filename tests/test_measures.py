@@ -236,16 +236,16 @@ def test_cells_are_chosen_beside_the_arguments_and_than_says_what_differs(tmp_pa
 def test_a_measure_of_a_users_own_module_is_asked_by_its_dotted_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "mine.py").write_text(
+    (tmp_path / "turned.py").write_text(
         "from navbench.analysis.estimates import median_of\n\n\n"
         "def turning(stored, factor, select):\n"
         "    return median_of(factor * stored.select(**select)['total_turning_rad'])\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     stored = stored_of(tmp_path / "stored", A=[a_record()])
-    assert measure(stored, "mine.turning", {"factor": 2.0, "label": "A"}, trust=True) == (1.0, 1.0, 1.0, 1)
+    assert measure(stored, "turned.turning", {"factor": 2.0, "label": "A"}, trust=True) == (1.0, 1.0, 1.0, 1)
     with pytest.raises(DescriptionError, match="lies outside navbench"):
-        measure(stored, "mine.turning", {"factor": 2.0, "label": "A"})
+        measure(stored, "turned.turning", {"factor": 2.0, "label": "A"})
 
 
 def test_any_metric_has_a_difference_over_the_pairs_in_which_both_reached(tmp_path: Path) -> None:

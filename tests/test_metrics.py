@@ -86,6 +86,14 @@ def test_standing_between_two_turns_to_opposite_sides_is_one_sign_change() -> No
     assert measured(commands, 0.2)["w_sign_changes"] == 1
 
 
+def test_turning_slower_than_the_dead_band_is_no_turning_and_changes_no_sign() -> None:
+    assert sign_changes(np.array([0.3, 1e-17, -1e-17, -9e-10, 0.3])) == 0
+    assert sign_changes(np.array([0.3, -1.1e-9, 0.3, 0.0, -1e-6])) == 3
+    chatter = [(0.5, 9e-10), (0.5, -9e-10)] * 5
+    assert measured(chatter, 0.2)["w_sign_changes"] == 0
+    assert measured([(v, 2.0 * w) for v, w in chatter], 0.2)["w_sign_changes"] == 9
+
+
 def test_reversing_adds_to_the_way() -> None:
     metrics = measured([(1.0, 0.0), (-1.0, 0.0)] * 5, 0.1)
     assert metrics["path_length_m"] == pytest.approx(1.0)
@@ -94,11 +102,11 @@ def test_reversing_adds_to_the_way() -> None:
 
 def test_a_failed_robot_keeps_its_way_and_its_time() -> None:
     metrics = measured([(1.0, 0.0)] * 80, 0.1, walls=(WALL,))
-    assert metrics["path_length_m"] == pytest.approx(4.1)
-    assert metrics["time_s"] == pytest.approx(4.1)
+    assert metrics["path_length_m"] == pytest.approx(4.05)
+    assert metrics["time_s"] == pytest.approx(4.05)
     assert metrics["mean_speed_mps"] == pytest.approx(1.0)
     assert metrics["collisions"] == 1
-    assert metrics["min_clearance_m"] == pytest.approx(-0.05)
+    assert metrics["min_clearance_m"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_robot_that_never_arrives_keeps_its_way_and_the_time_limit() -> None:
@@ -109,7 +117,9 @@ def test_a_robot_that_never_arrives_keeps_its_way_and_the_time_limit() -> None:
 
 def test_a_robot_that_arrives_counts_its_way_up_to_the_instant_of_arrival() -> None:
     metrics = measured([(1.0, 0.0)] * 80, 0.1, goals=(Point(x_m=3.33, y_m=0.005),), goal_tolerance_m=0.01)
-    assert (metrics["path_length_m"], metrics["time_s"], metrics["mean_speed_mps"]) == pytest.approx((3.33, 3.33, 1.0))
+    entered = 3.33 - math.sqrt(0.01**2 - 0.005**2)
+    got = metrics["path_length_m"], metrics["time_s"], metrics["mean_speed_mps"]
+    assert got == pytest.approx((entered, entered, 1.0))
 
 
 def test_a_robot_that_begins_at_its_goal_needs_no_time() -> None:
@@ -140,15 +150,15 @@ def test_the_least_clearance_counts_other_robots_even_those_that_have_ended() ->
     goals = (Point(x_m=1.5, y_m=0.0), Point(x_m=4.05, y_m=0.0))
     first, second = run(a_world(starts=starts, goals=goals, goal_tolerance_m=0.01), always(0.5))
     assert (first.outcome, second.outcome) == ("reached", "reached")
-    assert first.metrics["min_clearance_m"] == pytest.approx(4.05 - 1.5 - 2.0, abs=0.011)
+    assert first.metrics["min_clearance_m"] == pytest.approx(4.04 - 1.49 - 2.0, abs=1e-9)
     assert second.metrics["min_clearance_m"] == pytest.approx(2.0)
 
 
 def test_what_lies_beyond_the_instant_of_arrival_does_not_count_for_the_least_clearance() -> None:
     goal = {"goals": (Point(x_m=3.81, y_m=0.0),), "goal_tolerance_m": 0.005}
     metrics = measured([(1.0, 0.0)] * 20, 0.25, walls=(WALL,), **goal)
-    assert metrics["time_s"] == pytest.approx(3.81)
-    assert metrics["min_clearance_m"] == pytest.approx(5.05 - 3.81 - 1.0)
+    assert metrics["time_s"] == pytest.approx(3.805)
+    assert metrics["min_clearance_m"] == pytest.approx(5.05 - 3.805 - 1.0)
 
 
 def test_a_blocked_robots_metrics_stand_still() -> None:
@@ -208,4 +218,5 @@ def test_a_trace_without_the_heading_error_leaves_it_to_the_bearing() -> None:
 def test_the_heading_error_of_a_robot_that_arrives_ends_with_it() -> None:
     controller = Scripted(lambda _: Command(1.0, 0.0), lambda _: {"heading_error_rad": 2.0})
     world = a_world(goals=(Point(x_m=3.33, y_m=0.005),), goal_tolerance_m=0.01)
-    assert run_one(world, controller).metrics["heading_ise"] == pytest.approx(4.0 * 3.33)
+    entered = 3.33 - math.sqrt(0.01**2 - 0.005**2)
+    assert run_one(world, controller).metrics["heading_ise"] == pytest.approx(4.0 * entered)

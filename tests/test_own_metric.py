@@ -127,9 +127,10 @@ def test_a_metric_is_compared_the_way_that_is_better(folder: Path, command: Comm
         ("own_metrics.detuor", "metrics[0]=own_metrics.detuor: there is no such function; did you mean detour?"),
         ("own_metrics.plain", "metrics[0]=own_metrics.plain: is no metric; declare it with @metric"),
         ("own_metrics.taken", "metrics[0]=own_metrics.taken: its name label is taken"),
-        ("time_s", "metrics[0]=time_s: its name time_s is taken"),
+        ("time_s", "metrics[0]=time_s: must name a metric of your own as module.function; did you mean time_s? always"),
+        ("nope", "module.function; always measured: path_length_m, time_s, "),
         ("own_metrics.detour,own_metrics.detour", "metrics[1]=own_metrics.detour: its name detour is taken"),
-        ("nowhere.detour", "metrics[0]=nowhere.detour: cannot be imported (ModuleNotFoundError"),
+        ("nowhere.detour", "metrics[0]=nowhere.detour: cannot be imported: ModuleNotFoundError"),
     ],
 )
 def test_what_is_no_metric_is_refused_in_one_line(names: str, message: str, folder: Path) -> None:

@@ -1,11 +1,16 @@
 """A simulator of a user's own: a file in a folder outside, and the module with its class."""
 
+import hashlib
 import json
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from commands import Command, in_a_process
+
+from navbench.cli.configuration import compose_cell
+from navbench.experiments.code import code_of, roots_of
+from navbench.experiments.store import Results
 
 MINE = '''
 import math
@@ -58,12 +63,6 @@ class Circles(Simulator):
                 shares.append((-b - math.sqrt(square)) / (ux * ux + uy * uy))
         grain = self.options.grain_share
         return grain * round(min(shares) / grain)
-
-    def touches(self):
-        for robot, place, radius in self.circles[len(self.discs) :]:
-            for thing, other, size in self.circles:
-                if thing != robot and math.dist(place, other) <= radius + size:
-                    yield robot, thing
 '''
 YAML = """# Circles by their formulas
 _target_: mine.Circles
@@ -133,3 +132,17 @@ def test_a_wrong_option_of_a_users_simulator_is_refused_in_one_line(
     done = command(*RUN, "controller=go_to_goal", "simulator=circles", *words)
     assert (done.code, done.out) == (2, "")
     assert said in done.err
+
+
+def test_the_code_of_a_cell_covers_the_module_of_its_simulator(
+    own: Path, command: Command, caplog: pytest.LogCaptureFixture
+) -> None:
+    words = ("--config-dir", "conf", "controller=go_to_goal", "world=empty", "world.time_limit_s=0.2", "workers=1")
+    ours = compose_cell("controller=go_to_goal", "world=empty", "simulator=pybullet").configuration
+    assert "navbench.simulation.bullet" in code_of(roots_of(ours))
+    assert command(*words, "simulator=circles", "hydra.run.dir=here").code == 0
+    code = Results(own / "here").manifest()["code"]
+    assert code["mine"] == hashlib.sha256((own / "mine.py").read_bytes()).hexdigest()[:16]
+    (own / "mine.py").write_text(MINE.replace("grain * round(", "grain * math.floor("))
+    assert command(*words, "simulator=circles", "hydra.run.dir=here").code == 0
+    assert "1 parts are of other code (mine): they are run anew" in caplog.text

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -17,6 +18,7 @@ from commands import NAVBENCH, Command
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tables import PANELS_MAX, _drawn
+from navbench.experiments import store
 from navbench.experiments.cells import BATCH_MAX, batches_of
 from navbench.experiments.code import code_of, roots_of
 from navbench.experiments.plan import Plan, batches_of_all
@@ -128,6 +130,30 @@ def test_parts_of_other_code_may_be_kept_and_that_is_recorded(own: Path, caplog:
     assert (note["changed"], note["parts"], note["kept"]) == (["mine_speed"], 3, True)
 
 
+def test_the_manifest_holds_the_modules_behind_the_digest_of_every_part_that_is_there_and_of_no_other(
+    own: Path,
+) -> None:
+    def run(speed: float, other_code: bool) -> dict[str, str]:
+        """Return which code of ``mine_speed`` made each part, as the manifest tells."""
+        (own / "mine_speed.py").write_text(f"SPEED_MPS = {speed}\n")
+        results = run_plan(plan_of(own, "mine"), own / "results", 1, other_code=other_code).results
+        codes = results.manifest()["codes"]
+        made = {part.name: results.code_of("episodes", part.name) for part in (own / "results/episodes").iterdir()}
+        assert set(codes) == set(made.values())
+        assert results.manifest()["code"] == {n: c for d in made.values() for n, c in codes[d].items()} or other_code
+        return {name: codes[code]["mine_speed"] for name, code in made.items()}
+
+    first = run(0.1, other_code=False)
+    (own / "results/episodes" / min(first)).unlink()
+    mixed = run(0.2, other_code=True)
+    assert mixed[min(first)] != first[min(first)]
+    assert {name: code for name, code in mixed.items() if name != min(first)} == {
+        name: code for name, code in first.items() if name != min(first)
+    }
+    assert run(0.2, other_code=True) == mixed
+    assert set(run(0.2, other_code=False).values()) == {mixed[min(first)]}
+
+
 def test_a_directory_with_other_work_is_refused_and_stays(own: Path) -> None:
     run_plan(plan_of(own, "mine"), own / "results", 1)
     before = {file: file.read_bytes() for file in (own / "results").rglob("*") if file.is_file()}
@@ -214,6 +240,41 @@ def test_a_picture_of_many_cells_shows_some_of_them_and_the_output_says_so(comma
     assert done.code == 0, done.err
     assert "trajectories.png: 18 of 35 cells, taken evenly from the table" in done.out
     assert len(_drawn(Results(tmp_path / "sweep"))) == 18
+
+
+def test_a_picture_is_drawn_again_only_where_episodes_have_changed(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from navbench.report import figures
+
+    save = Mock(wraps=figures.save_trajectories)
+    monkeypatch.setattr(figures, "save_trajectories", save)
+    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=1")
+    picture = tmp_path / "here/trajectories.png"
+    first, again = (command(*words, "hydra.run.dir=here") for _ in range(2))
+    assert (first.out, save.call_count) == (again.out, 1)
+    before = picture.read_bytes()
+    next(tmp_path.glob("here/episodes/*")).unlink()
+    command(*words, "hydra.run.dir=here")
+    assert (picture.read_bytes(), save.call_count) == (before, 2)
+    picture.unlink()
+    command(*words, "hydra.run.dir=here")
+    assert (picture.read_bytes(), save.call_count) == (before, 3)
+
+
+def test_a_table_of_episodes_is_read_once_and_again_when_a_part_has_changed(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = run_plan(plan_of(own, "mine"), own / "results", 1).results
+    reader = Mock(wraps=store._table_of)
+    monkeypatch.setattr(store, "_table_of", reader)
+    table = results.episodes()
+    table["outcome"] = "changed by a reader"
+    assert set(results.episodes()["outcome"]) == {"timed_out"}
+    assert not reader.called
+    next((own / "results/episodes").iterdir()).unlink()
+    assert len(results.episodes()) < len(table)
+    assert reader.call_count == 2
 
 
 SWEEP = ("-m", "controller=sflc,pid", "world=corner,no_deadlock", "start_jitter_m=0.02", "episodes=12")

@@ -80,6 +80,12 @@ def test_your_own_study_answers_its_claims_with_a_measure_of_your_own(folder: Pa
     assert refused.returncode == 2
     assert "turns.most_turning: lies outside navbench; --trust" in refused.stderr
     navbench(folder, "report", "outputs/study/quicker", "--trust", "out=again")
+    made = "`navbench study quicker --config-dir conf` runs it all and writes this report; `navbench report "
+    made += "outputs/study/quicker --trust` writes the report again"
+    for report in ("results/quicker", "again"):
+        assert made in (folder / report / "report.md").read_text()
+    navbench(folder, "report", "outputs/study/quicker", "--trust", "--config-dir", "conf", "out=same")
+    assert (folder / "same/report.md").read_bytes() == (folder / "again/report.md").read_bytes()
     assert (folder / "again/claims.csv").read_bytes() == (folder / "results/quicker/claims.csv").read_bytes()
 
 

@@ -73,8 +73,8 @@ REPORT: list[dict[str, Any]] = [
     {"name": "outcomes_table", "file": "outcomes", "cells": {"F": {"name": "fair", "label": "F"}}, "worlds": WORLDS},
     {
         "name": "trajectories",
-        "file": "ways",
-        "caption": "Ways.",
+        "file": "paths",
+        "caption": "Paths.",
         "select": {"name": "printed"},
         "panels": WORLDS,
         "labels": ["F", "PID"],
@@ -278,7 +278,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> StoredResults:
 @pytest.fixture(scope="module")
 def files(stored: StoredResults, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The small study's report, which takes seconds: what it says that it wrote."""
-    return write_report([stored.results], tmp_path_factory.mktemp("report"))
+    return write_report([stored.results], tmp_path_factory.mktemp("report")).files
 
 
 @pytest.fixture(scope="module")
@@ -494,7 +494,7 @@ def test_a_figure_without_a_case_is_told_and_kept_as_such(tmp_path: Path) -> Non
         ({"name": "plot", "title": "a"}, ["report[0].name=plot", "printed_table"]),
         (
             {"name": "errata", "title": "a", "items": [], "colour": 1},
-            ["report[0].colour", "title, text, file, caption, items"],
+            ["report[0].colour", "items, title, text, file, caption"],
         ),
         ({"name": "errata", "title": "a"}, ["report[0].items: missing"]),
         ({"name": "comparisn"}, ["report[0].name=comparisn", "did you mean comparison?"]),
@@ -532,7 +532,7 @@ def test_runs_without_a_study_get_the_comparison_of_a_study_failures_and_traject
         records = [a_record(time_s=10.0), a_record("collided", 1.0, 0.1)]
         cell = a_cell("pid", name="run", seed=kp, kp=kp)
         runs.append(store(tmp_path / str(kp), [(cell, records)]).results)
-    files = write_report(runs, tmp_path / "out")
+    files = write_report(runs, tmp_path / "out").files
     text = (tmp_path / "out/report.md").read_text()
     assert "1 of 2" in text
     assert "## Failures\n\n- pid (kp=1) in plain, seed 0, episode 1, robot 0: collided after 1.00 s\n" in text
@@ -580,7 +580,7 @@ def test_several_reports_stand_in_folders_and_are_linked(tmp_path: Path) -> None
     cell = (a_cell("F", name="run"), [a_record()])
     study = store(tmp_path / "study", [cell], {**STUDY, "claims": {}, "report": STUDY["report"][-1:]}).results
     run = store(tmp_path / "run", [cell]).results
-    files = write_report([study, run], tmp_path / "out")
+    files = write_report([study, run], tmp_path / "out").files
     assert tmp_path / "out/smoke/report.md" in files
     assert "(smoke/report.md)" in (tmp_path / "out/report.md").read_text()
 

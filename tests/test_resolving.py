@@ -45,5 +45,5 @@ def test_a_slip_is_told_the_nearest_name() -> None:
 def test_a_module_that_fails_is_told_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "broken.py").write_text("1 / 0\n")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(DescriptionError, match=r"cannot be imported \(ZeroDivisionError: division by zero\)"):
+    with pytest.raises(DescriptionError, match=r"cannot be imported: ZeroDivisionError: division by zero \(broken"):
         resolve("measure", "broken.one", HOME, trust=True)

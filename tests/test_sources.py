@@ -75,7 +75,7 @@ def run(folder: Path, *words: str, episodes: int = 8) -> StoredResults:
 
 
 def test_a_bad_draw_costs_its_episode_and_says_why(folder: Path) -> None:
-    rows = run(folder, "world=two_rooms").episodes.set_index("episode")
+    rows = run(folder, "world=two_rooms").rows.set_index("episode")
     assert {episode: rows.loc[episode, "reason"] for episode in rows.index[rows["outcome"] == "no_layout"]} == REASONS
     lost = rows.loc[list(REASONS)]
     assert (lost["time_s"] == 0.0).all()

@@ -159,6 +159,35 @@ WRONG = {
         "select: {name: fair}",
         "select: {name: unfair}",
     ),
+    "report[1].worlds.corner.world=cornr: no such cell is planned; did you mean corner?": (
+        "worlds: {corner: corner}",
+        "worlds: {corner: cornr}",
+    ),
+    "report[1].worlds.corner.world=deadlock: no such cell is planned; there are: corner": (
+        "worlds: {corner: corner}",
+        "worlds: {corner: deadlock}",
+    ),
+    "report[1].reference.label=S.F.L.X.: no such cell is planned; did you mean S.F.L.C.?": (
+        "reference: S.F.L.C.",
+        "reference: S.F.L.X.",
+    ),
+    "report[0].sentences[0].with.t.than.label=tuned PID: no such cell is planned; did you mean untuned PID?": (
+        "report:\n",
+        "report:\n  - {name: findings, sentences: [{say: '{t}', with: {t: {name: difference, metric: time_s, "
+        "cell: fair, label: S.F.L.C., than: tuned PID}}}]}\n",
+    ),
+    "report[0].cells.all.label=S.F.L.X.: no such cell is planned": (
+        "report:\n",
+        "report:\n  - {name: robustness, cells: {all: {label: S.F.L.X.}}, worlds: {corner: corner}}\n",
+    ),
+    "report[0].groups.one.world=cornr: no such cell is planned": (
+        "report:\n",
+        "report:\n  - {name: crossed_tables, select: {name: fair}, groups: {one: [corner, cornr]}}\n",
+    ),
+    "report[0].labels.label=PID: no such cell is planned": (
+        "report:\n",
+        "report:\n  - {name: trajectories, labels: [S.F.L.C., PID]}\n",
+    ),
     "cells[1].tuning=magic": (
         "tuning: random, overrides: [controller=pid",
         "tuning: magic, overrides: [controller=pid",

@@ -8,7 +8,7 @@ from scenes import a_world, to_and_fro
 from shapes import Shard
 
 from navbench.cli.worlds import world_of
-from navbench.mathematics.geometry import box_distance, distance_to_nearest, polygon_distance
+from navbench.mathematics.geometry import box_gap, distance_to_nearest, polygon_gap
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.options import SimulatorOptions
@@ -276,19 +276,20 @@ def test_the_distance_to_a_polygon_is_that_to_its_nearest_edge_and_negative_insi
         for p in (complex(*rng.uniform(-4.0, 4.0, 2)), sum(shards[0].corners) / len(shards[0].corners)):
             expected = [shard.away(p) for shard in shards]
             inside += min(expected) < -1e-6
-            assert [polygon_distance(p.real, p.imag, row) for row in rows] == pytest.approx(expected, abs=1e-9)
+            gaps = [polygon_gap(p.real, p.imag, rows, k)[0] for k in range(len(rows))]
+            assert gaps == pytest.approx(expected, abs=1e-9)
             nearest = distance_to_nearest(p.real, p.imag, np.empty((0, 6)), np.empty((0, 5)), rows)
             assert nearest == pytest.approx(min(expected), abs=1e-9)
     assert inside > 500
 
 
 def test_a_rectangle_is_as_far_as_the_box_of_its_corners() -> None:
-    box = np.array([1.0, 2.0, 1.5, 0.5, 0.8, 0.6])
+    boxes = np.array([[1.0, 2.0, 1.5, 0.5, 0.8, 0.6]])
     turn = complex(0.8, 0.6)
     corners = [1 + 2j + turn * complex(1.5 * a, 0.5 * b) for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
-    (row,) = a_world(polygons=(Polygon(corners=points(*corners)),)).polygon_rows()
+    rows = a_world(polygons=(Polygon(corners=points(*corners)),)).polygon_rows()
     for x, y in np.random.default_rng(6).uniform(-3.0, 5.0, (500, 2)).tolist():
-        assert polygon_distance(x, y, row) == pytest.approx(box_distance(x, y, box), abs=1e-12)
+        assert polygon_gap(x, y, rows, 0) == pytest.approx(box_gap(x, y, boxes, 0), abs=1e-12)
 
 
 def test_a_table_of_polygons_repeats_last_corners_and_turns_all_counter_clockwise() -> None:

@@ -11,7 +11,7 @@ from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import PALETTE, draw_world, label_legend, nested_width, new_figure
 from navbench.report.page import Page, Select
-from navbench.report.paths import cut, number_places
+from navbench.report.paths import cut, draw_pieces, number_places
 
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 SWEPT = "#444444"
@@ -37,9 +37,7 @@ def phases(page: Page, *, select: Select) -> Blocks:
     ax = axes[0, 0]
     draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
     follows = (path["behavior"] == FOLLOW_WALL).to_numpy()
-    for holds, color, name in ((~follows, PALETTE[0], "go to goal"), (follows, PALETTE[1], "follow wall")):
-        shown = holds | np.roll(holds, 1)  # each piece reaches the beginning of the next
-        ax.plot(path["x_m"].where(shown), path["y_m"].where(shown), color=color, linewidth=1.6, label=name, zorder=6)
+    draw_pieces(ax, path, {"go to goal": ~follows, "follow wall": follows}, 1.6, 6)
     goal = page.stored.world(row["run_id"], row["episode"]).goals[row["robot_index"]]
     rows = []
     for i, phase in enumerate(phases_of(path, row["outcome"]), 1):

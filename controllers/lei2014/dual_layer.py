@@ -28,7 +28,7 @@ import numpy as np
 
 from navbench.contract import FloatArray, Setup
 from navbench.fuzzy.describing import Columns, columns, membership_corners
-from navbench.fuzzy.inference import FuzzyInference, conclude, fire
+from navbench.fuzzy.inference import FuzzyInference, fire, infer
 from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import Flag, Positive, checked, describe, remembered
 
@@ -81,9 +81,9 @@ def step(
     add_dangers(dangers, ddcfc, thresholds, pose, speed[0], discs, factors)
     situation[0] = azimuth(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))
     trace[:3], trace[3] = dangers, situation[0]
-    if fire(vfc, situation, strengths) >= 0:
+    if infer(vfc, situation, trace[8:]) >= 0:
         return math.nan, math.nan
-    conclude(vfc, strengths, trace[8:])
+    fire(vfc, situation, strengths)
     trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
     return trace[8], -trace[9]  # psi' = -w, see lei2014
 

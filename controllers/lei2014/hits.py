@@ -22,7 +22,7 @@ ROUNDING_M = 1e-9  # more than rounding can bring nearer
 
 @compiled
 def displacement(x: float, y: float, outline: FloatArray, reach_m: float) -> tuple[float, float]:
-    """Return the shortest way to a point from an outline [m], 0 where none is within reach.
+    """Return the shortest vector to a point from an outline [m], 0 where none is within reach.
 
     Args:
         x: the point's x [m].

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from navbench.analysis.estimates import median_of, share_of
-from navbench.analysis.fleets import clearances
+from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import PAIR, StoredResults
 from navbench.analysis.traces import trajectories_of
 from navbench.mathematics.statistics import Estimate
@@ -107,7 +107,7 @@ def share_longer_in(
 
 def share_of_fleets_free(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the share of episodes in which no robot touched anything."""
-    return share_of((clearances(stored.select(**select))["contacts"] == 0).to_numpy())
+    return share_of((fleets(stored.select(**select))["contacts"] == 0).to_numpy())
 
 
 def share_of_fleets_clearer(stored: StoredResults, select: Select, than: Select) -> Estimate | None:
@@ -118,7 +118,7 @@ def share_of_fleets_clearer(stored: StoredResults, select: Select, than: Select)
         select: the cells that are said to keep further away from everything.
         than: the cells that they are compared with, over the same starts.
     """
-    here, there = map(clearances, stored.sides(select, than))
+    here, there = map(fleets, stored.sides(select, than))
     pairs = here.merge(there, on=["world", "seed", "episode"], suffixes=("", "_other"))
     return share_of((pairs["clearance_m"] > pairs["clearance_m_other"]).to_numpy())
 

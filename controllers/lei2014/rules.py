@@ -1,7 +1,7 @@
 """The 81 rules of the velocity fuzzy controller (VFC), the second layer of ``dual_layer``, made from Rules 1 to 3.
 
 Lei et al. 2014 (``lei2014`` cites it), section 3.2.4. The paper prints no table but three kinds of rules: when each of
-three behaviours starts, which way it turns and how fast it drives. For each of the 3^4 combinations of the target's
+three behaviours starts, to which side it turns and how fast it drives. For each of the 3^4 combinations of the target's
 azimuth and the danger to the left, in front and to the right they are applied here one after another.
 
 Terms: theta_tar L, C, R (left, centre, right); DDC S, M, B (small, middle, big); v Z, VS, S, F, VF (zero to very fast);

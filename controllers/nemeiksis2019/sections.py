@@ -6,9 +6,9 @@ import numpy as np
 
 from navbench.analysis.traces import spells
 from navbench.report.document import Blocks, Column, Data
-from navbench.report.figures import PALETTE, draw_circle, draw_world, new_figure
+from navbench.report.figures import draw_circle, draw_world, new_figure
 from navbench.report.page import Page, Select
-from navbench.report.paths import cut, number_places
+from navbench.report.paths import cut, draw_pieces, number_places
 
 NEAR = 0.03  # of a picture's width: numbers of places nearer to each other stand together
 SIDE_INCHES, WORDS_INCHES = 6.0, 1.0  # the longer side of a picture of one path, and the words around it
@@ -31,13 +31,7 @@ def spells_on_path(
     ax = axes[0, 0]
     draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
     held = path[column].to_numpy()[:-1]
-    x_m, y_m = path["x_m"].to_numpy(), path["y_m"].to_numpy()
-    for i, (called, value) in enumerate(values.items()):
-        shown = np.append(held == value, False)
-        shown[1:] |= shown[:-1].copy()  # each piece reaches the beginning of the next
-        if shown.any():
-            drawn = np.where(shown, x_m, np.nan), np.where(shown, y_m, np.nan)
-            ax.plot(*drawn, color=PALETTE[i], linewidth=2.4, label=called)
+    draw_pieces(ax, path, {called: np.append(held == value, False) for called, value in values.items()}, 2.4)
     names = {value: called for called, value in values.items()}
     rows = [
         [i, names[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
@@ -46,7 +40,7 @@ def spells_on_path(
     robot = page.robot(row["run_id"])
     ratio = cut(ax, [path], robot.radius_m, square=False)
     figure.set_size_inches(SIDE_INCHES / max(ratio, 1.0) + WORDS_INCHES, SIDE_INCHES * min(ratio, 1.0) + WORDS_INCHES)
-    draw_circle(ax, x_m[0], y_m[0], robot.radius_m)
+    draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     left_m, right_m = ax.get_xlim()
     number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [path])

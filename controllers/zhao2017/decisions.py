@@ -6,7 +6,7 @@ Electrical Engineering & Technology 12, 2017; equations 4 to 10, section 3.2 and
 Each of 16 proximity sensors tells how fast what it sees comes nearer, and so in what time it would hit. The least of
 these times, R, and the direction Phi of its sensor are what obstacle avoidance (OA) is given; where nothing is near or
 none is urgent, the robot turns to its target (TO). Where it is most urgent, and right ahead, beside or astern, four
-further sensors say which way is freer, and Phi is rewritten to the direction whose rules go there.
+further sensors say which direction is freer, and Phi is rewritten to the direction whose rules go there.
 
 | symbol | here | unit | equation |
 |---|---|---|---|

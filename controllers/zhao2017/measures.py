@@ -186,8 +186,6 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
     for _, fleet in stored.select(**select).groupby(["run_id", "episode"], sort=False):
         robots = fleet.to_dict("records")
         run_id = robots[0]["run_id"]
-        if robots[0]["outcome"] == "no_layout":
-            continue
         world = stored.world(run_id, robots[0]["episode"])
         robot = describe(Robot, stored.configuration(run_id)["configuration"]["robot"], "robot")
         places = np.concatenate([stored.trajectory(row)[["x_m", "y_m"]].to_numpy() for row in robots])

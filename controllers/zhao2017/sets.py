@@ -36,7 +36,7 @@ class Universe(NamedTuple):
 
 
 UNIVERSES = {
-    "R_s": Universe(0.0, 6.0),  # the end is assumed, half as long again as the way to the un-evolved peak of VB
+    "R_s": Universe(0.0, 6.0),  # the end is assumed, half as long again as the distance to the un-evolved peak of VB
     "Phi_rad": Universe(-math.pi, math.pi, circular=True),
     "vL": Universe(-1.0, 1.0),  # shares of the wheels' limit (section 3.1)
     "vR": Universe(-1.0, 1.0),

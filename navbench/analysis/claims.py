@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic.dataclasses import dataclass
 
 from navbench.analysis.comparisons import level
-from navbench.analysis.measuring import arguments, check_measure, measure
+from navbench.analysis.measuring import MeasureError, arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults
 from navbench.mathematics.statistics import Estimate
-from navbench.validation import STRICT, DescriptionError, describe
+from navbench.validation import STRICT, DescriptionError, describe, instead
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +29,7 @@ VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
 HYPOTHESIS_VERDICTS = ("supported", "contradicted", "practically_equal", "undecided")
 EVIDENCE = ("free", "selected", "fitted", "layout_unknown")
 FITTED = {"reproduced": "it agrees", "partly": "it partly agrees"}
+FAILED = "not measured: "  # so begins the reason of a claim whose measure fails
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 HOLDS = "`in 95 % of the cases`, `below 0` or `above 0`"
 
@@ -78,7 +79,9 @@ class Claim:
             if self.threshold is None:
                 raise DescriptionError("must have `practically_equal` only beside `holds: below` or `above` a number")
             if quantity("practically_equal", self.practically_equal)[1] == "%" and self.measure != "difference":
-                raise DescriptionError("practically_equal: must be a number, unless the measure is `difference`")
+                named = f"practically_equal={self.practically_equal} with measure={self.measure}"
+                allowed = instead(self.measure, ["difference"], "allowed with %")
+                raise DescriptionError(f"{named}: must be a number, unless the measure is `difference`; {allowed}")
             if quantity("practically_equal", self.practically_equal)[0] <= 0.0:
                 raise DescriptionError(f"practically_equal={self.practically_equal}: must be above 0")
 
@@ -123,7 +126,7 @@ def claims_of(key: str, table: Mapping[str, Any] | None) -> dict[str, Claim]:
     return {name: describe(Claim, claim, f"{key}.{name}") for name, claim in (table or {}).items()}
 
 
-def check_claims(key: str, table: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
+def check_claims(key: str, table: Mapping[str, Any] | None, trust: bool = True) -> dict[str, dict[str, Any]]:
     """Return the arguments of each claim's measure, after checking the table, and that its measures take them.
 
     Raises:
@@ -133,7 +136,7 @@ def check_claims(key: str, table: Mapping[str, Any] | None) -> dict[str, dict[st
     for name, claim in claims_of(key, table).items():
         if claim.measure is not None:
             of = claim.of or {}
-            asked[name] = arguments(check_measure(f"{key}.{name}.measure", claim.measure, of, trust=True), of)
+            asked[name] = arguments(check_measure(f"{key}.{name}.measure", claim.measure, of, trust=trust), of)
     return asked
 
 
@@ -172,10 +175,13 @@ def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
     rows = []
     for name, claim in claims_of("claims", stored.manifest["study"]["claims"]).items():
         with stored.noting() as noted:
-            found = None if claim.measure is None else measure(stored, claim.measure, claim.of or {}, trust=trust)
+            try:
+                found = measure(stored, claim.measure, claim.of or {}, trust=trust) if claim.measure else None
+                decided = verdict(claim, found, _margin(stored, claim, trust))
+            except MeasureError as error:
+                found, decided = None, ("not_testable", f"{FAILED}{error}")
         printed, unit = (math.nan, "") if claim.printed is None else quantity("printed", claim.printed)
         figures = found if found is not None else (math.nan, math.nan, math.nan, 0)
-        decided = verdict(claim, found, _margin(stored, claim, trust))
         said = name, claim.says, claim.where, printed, unit
         simulators = ", ".join(sorted({simulator for simulator, _ in noted}))
         rows.append([*said, *figures, simulators, claim.tolerance, claim.evidence or "", *decided])

@@ -103,6 +103,6 @@ def compared_metrics(stored: StoredResults) -> list[Metric]:
 
 
 def _share_better(metric: Metric, pairs: "pd.DataFrame") -> Estimate | None:
-    """Return the share of pairs in which a metric is better than the other's; None where neither way is."""
+    """Return the share of pairs in which a metric is better than the other's; None where neither direction is."""
     known = pairs[[metric.name, f"{metric.name}_other"]].dropna().to_numpy()
     return share_of(metric.sign * known[:, 0] < metric.sign * known[:, 1]) if metric.sign else None

@@ -6,7 +6,7 @@ of values for columns of the table of episodes. What only one paper's claims mea
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from navbench.mathematics.statistics import (
     newcombe_paired,
     restricted_mean_difference,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Select = Mapping[str, Any]
 RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it is written
@@ -55,12 +52,12 @@ def share_better(stored: StoredResults, metric: str, select: Select, than: Selec
 
     Args:
         stored: the study's results.
-        metric: the metric's name, which is declared to be better one way.
+        metric: the metric's name, which is declared to be better in one direction.
         select: the cells that are said to be better.
         than: the cells that they are compared with.
 
     Raises:
-        DescriptionError: neither way is better, or there is no such metric.
+        DescriptionError: neither direction is better, or there is no such metric.
     """
     sign = stored.sign_of(metric)
     rows = stored.pairs(select, than, each=True)
@@ -82,7 +79,7 @@ def difference(stored: StoredResults, metric: str, select: Select, than: Select)
         than: the cells of the second, over the same starts.
     """
     if metric == "success":
-        here, there = map(_fleets, stored.sides(select, than))
+        here, there = map(fleets, stored.sides(select, than))
         pairs = here.merge(there, on=["world", "seed", "episode"], suffixes=("", "_other"))
         successes = (pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))
         return None if pairs.empty else newcombe_paired(*successes)
@@ -116,8 +113,3 @@ def described_value(stored: StoredResults, table: str, column: str, where: Selec
 def described_is_less(stored: StoredResults, table: str, column: str, where: Select, than: Select) -> Estimate | None:
     """Return 1 where a value of a described table is less than that in another row, see ``described_value``."""
     return share_of([stored.described_value(table, column, where) < stored.described_value(table, column, than)])
-
-
-def _fleets(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return one row an episode with the names that make its pairs."""
-    return fleets(rows).merge(rows[["run_id", "world", "seed"]].drop_duplicates(), on="run_id")

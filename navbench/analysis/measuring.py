@@ -6,15 +6,22 @@ compared with: a label, or what differs from the first ones.
 """
 
 import inspect
+import reprlib
 from collections.abc import Callable, Mapping
+from numbers import Real
 from typing import Any
 
-from navbench.analysis.resolving import resolve
+from navbench.analysis.resolving import check_arguments, resolve
 from navbench.analysis.stored import SELECTABLE, StoredResults
 from navbench.mathematics.statistics import Estimate
+from navbench.raised import first_line, one_line
 from navbench.validation import DescriptionError
 
 HOME = "navbench.analysis.measures"
+
+
+class MeasureError(DescriptionError):
+    """A measure that raised, or returned what is no estimate; the message says where."""
 
 
 def measure(
@@ -30,10 +37,18 @@ def measure(
         key: where the name stands, for the error message.
 
     Raises:
-        DescriptionError: as ``check_measure``, or the results hold no such cells.
+        MeasureError: the measure fails, as where the results hold no such cells.
+        DescriptionError: as ``check_measure``.
     """
     function = check_measure(key, name, of, trust=trust)
-    found: Estimate | None = function(stored, **arguments(function, of))
+    try:
+        found = function(stored, **arguments(function, of))
+    except Exception as error:  # a user's measure may raise anything
+        raise MeasureError(f"{key}={name}: {one_line(error)}") from error
+    numbers = isinstance(found, Estimate) and all(isinstance(part, Real) for part in found)
+    if not (found is None or numbers):
+        returned = f"must return an Estimate of numbers or None; it returned {reprlib.repr(found)}"
+        raise MeasureError(f"{key}={name}: {returned}{first_line(function)}")
     return found
 
 
@@ -47,16 +62,10 @@ def check_measure(key: str, name: str, of: Mapping[str, Any], *, trust: bool) ->
     takes, *parameters = inspect.signature(function).parameters.values()
     if takes.name != "stored":
         raise DescriptionError(f"{key}={name}: is no measure: it does not take the stored results first")
-    known = [parameter.name for parameter in parameters]
-    choose = SELECTABLE if "select" in known else ()
-    allowed = ", ".join((*(word for word in known if word != "select"), *choose))
-    for word in of:
-        if word not in known and word not in choose:
-            raise DescriptionError(f"{key}: of.{word}: unknown key; {name} takes {allowed}")
-    given = {*of, "select"}
-    for parameter in parameters:
-        if parameter.name not in given and parameter.default is inspect.Parameter.empty:
-            raise DescriptionError(f"{key}: of.{parameter.name}: missing; {name} takes {allowed}")
+    needed = [parameter for parameter in parameters if parameter.name != "select"]
+    choose = SELECTABLE if len(needed) < len(parameters) else ()
+    given = [word for word in of if word != "select" or not choose]
+    check_arguments(f"{key}: of.", name, needed, given, choose)
     return function
 
 

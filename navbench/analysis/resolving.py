@@ -1,12 +1,13 @@
 """Functions by name: a short name is one of ours, a dotted one any module's, as far as it is trusted."""
 
 import inspect
-from collections.abc import Callable
-from difflib import get_close_matches
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
-from navbench.validation import DescriptionError
+from navbench.raised import one_line
+from navbench.validation import DescriptionError, instead
 
 OWN = ("navbench.analysis.", "navbench.controllers.", "navbench.report.")  # what lies beside them may be results
 
@@ -25,24 +26,49 @@ def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any
         DescriptionError: there is no such function, its module cannot be imported, or it is not trusted.
     """
     module, _, last = name.rpartition(".")
-    if not trust and module and not module.startswith(OWN):
+    if not trust and lies_outside(name):
         raise DescriptionError(f"{key}={name}: lies outside navbench; --trust lets stored results name it")
     try:
         found = getattr(import_module(module or home), last, None)
     except Exception as error:  # a user's module may raise anything
-        text = " ".join(f"{type(error).__name__}: {error}".split())
-        raise DescriptionError(f"{key}={name}: cannot be imported ({text})") from None
+        raise DescriptionError(f"{key}={name}: cannot be imported: {one_line(error)}") from None
     if last.startswith("_") or not inspect.isfunction(found) or not (trust or found.__module__.startswith(OWN)):
-        raise DescriptionError(f"{key}={name}: there is no such function{_nearest(last, module or home)}")
+        there = instead(last, _public(import_module(module or home)))
+        raise DescriptionError(f"{key}={name}: there is no such function; {there}, or module.function")
     return found
 
 
-def _nearest(name: str, module: str) -> str:
-    """Return which of a module's own functions was meant, or which there are."""
-    public = [
-        other
-        for other, function in vars(import_module(module)).items()
-        if not other.startswith("_") and inspect.isfunction(function) and function.__module__ == module
-    ]
-    near = get_close_matches(name, public, 1)
-    return f"; did you mean {near[0]}?" if near else f"; allowed: {', '.join(public)}, or module.function"
+def check_arguments(
+    place: str, name: str, parameters: Sequence[inspect.Parameter], given: Iterable[str], more: Sequence[str] = ()
+) -> None:
+    """Check that a function takes the arguments that a file gives it, and that none is missing.
+
+    Args:
+        place: what stands before an argument's name in the error message.
+        name: the function's name.
+        parameters: of these parameters.
+        given: the arguments' names.
+        more: what may stand beside them.
+
+    Raises:
+        DescriptionError: one is unknown or missing.
+    """
+    given, known = list(given), [parameter.name for parameter in parameters]
+    takes = f"{name} takes {', '.join((*known, *more))}"
+    for word in given:
+        if word not in (*known, *more):
+            raise DescriptionError(f"{place}{word}: unknown key; {takes}")
+    for parameter in parameters:
+        if parameter.name not in given and parameter.default is inspect.Parameter.empty:
+            raise DescriptionError(f"{place}{parameter.name}: missing; {takes}")
+
+
+def lies_outside(name: str) -> bool:
+    """Return whether a name is one of a module that stored results may name only where it is trusted."""
+    return "." in name and not name.startswith(OWN)
+
+
+def _public(module: ModuleType) -> list[str]:
+    """Return the names of a module's own functions."""
+    functions = inspect.getmembers(module, inspect.isfunction)
+    return [name for name, own in functions if not name.startswith("_") and own.__module__ == module.__name__]

@@ -42,12 +42,43 @@ class StoredResults:
         return StoredResults, (self.results,)
 
     @cached_property
+    def rows(self) -> "pd.DataFrame":
+        """The table of episodes as it is stored, with the episodes of which no layout could be drawn."""
+        return self.results.episodes()
+
+    @cached_property
     def episodes(self) -> "pd.DataFrame":
-        """The table of episodes, with each cell's name, label, tuning and tuning_seed in front.
+        """The table of the episodes that were driven, with each cell's name, label, tuning and tuning_seed in front.
 
         A cell that stands under two names gives its rows twice.
         """
-        return self.cells.merge(self.results.episodes(), on="run_id")
+        return self.cells.merge(driven(self.rows), on="run_id")
+
+    @cached_property
+    def planned(self) -> dict[str, set[int]]:
+        """The episodes that were planned of each run."""
+        found: dict[str, set[int]] = {}
+        for cell in self.manifest["cells"]:
+            first = cell["first_episode"]
+            found.setdefault(cell["run_id"], set()).update(range(first, first + cell["episodes"]))
+        return found
+
+    @cached_property
+    def missing(self) -> list[str]:
+        """A sentence on the episodes that were planned and are not there, and one on layouts that were not drawn."""
+        cells = self.cells[["run_id", "tuning", "tuning_seed"]].drop_duplicates()  # as a plan counts its episodes
+        there = len(cells.merge(self.rows[["run_id", "episode"]].drop_duplicates()))
+        planned = self.manifest["planned"]["episodes"]
+        scenes = self.rows["run_id"].map(lambda run_id: str(self.configuration(run_id)["configuration"]["world"]))
+        layouts = self.rows.assign(scene=scenes).drop_duplicates(["scene", "world", "seed", "episode"])
+        undrawn = layouts[layouts["outcome"] == "no_layout"]
+        told = [f"{there} of {planned} planned episodes are there."] if there < planned else []
+        if len(undrawn):
+            told.append(
+                f"{len(undrawn)} of {len(layouts)} layouts could not be drawn, and count nowhere; the first of them "
+                f"in {undrawn['world'].iloc[0]}, episode {undrawn['episode'].iloc[0]}: {undrawn['reason'].iloc[0]}"
+            )
+        return told
 
     @cached_property
     def metrics(self) -> dict[str, Metric]:
@@ -193,7 +224,7 @@ class StoredResults:
 
     @cached_property
     def _layout_ids(self) -> dict[tuple[str, int], str]:
-        rows = self.results.episodes()
+        rows = self.rows
         return dict(zip(zip(rows["run_id"], rows["episode"], strict=True), rows["layout_id"], strict=True))
 
     @cached_property
@@ -264,6 +295,11 @@ class StoredResults:
         return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
 
 
+def driven(rows: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows of the robots that drove: those of episodes of which a layout could be drawn."""
+    return rows[rows["outcome"] != "no_layout"]
+
+
 def reached(rows: "pd.DataFrame") -> "pd.DataFrame":
     """Return the rows of the robots that reached their goals."""
     return rows[rows["outcome"] == "reached"]
@@ -272,3 +308,12 @@ def reached(rows: "pd.DataFrame") -> "pd.DataFrame":
 def outcomes(rows: "pd.DataFrame") -> dict[str, NDArray[np.bool_]]:
     """Return for both sides of some pairs, called "" and "_other", which of them reached."""
     return {side: (rows[f"outcome{side}"] == "reached").to_numpy(dtype=bool) for side in ("", "_other")}
+
+
+def leaves_of(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield a configuration's dotted keys with their values as words."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from leaves_of(inner, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, str(value)

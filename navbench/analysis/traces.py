@@ -30,15 +30,13 @@ class Spell(NamedTuple):
 
 
 def trajectories_of(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":
-    """Yield each robot's and episode's trajectory, its end included."""
-    for row in stored.select(**select).to_dict("records"):
-        yield stored.trajectory(row)
+    """Return each robot's and episode's trajectory, its end included."""
+    return map(stored.trajectory, stored.select(**select).to_dict("records"))
 
 
 def periods_of(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":
-    """Yield the control periods of each robot and episode."""
-    for trajectory in trajectories_of(stored, select):
-        yield trajectory.iloc[:-1]
+    """Return the control periods of each robot and episode."""
+    return (trajectory.iloc[:-1] for trajectory in trajectories_of(stored, select))
 
 
 def columns_of(stored: StoredResults, column: str, select: Select) -> Iterator[FloatArray]:

@@ -15,7 +15,7 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
 from navbench.contract import Controller
-from navbench.episode.failures import own_line
+from navbench.raised import one_line, own_line
 from navbench.records import Names
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
@@ -121,8 +121,7 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
     except DescriptionError as error:  # of a module that says itself what it needs
         raise DescriptionError(f"{complaint} {error}") from None
     except Exception as error:  # a user's module may raise anything
-        text = " ".join(f"{type(error).__name__}: {error}".split())
-        raise DescriptionError(f"{complaint} cannot be imported: {text}{own_line(error)}") from None
+        raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None
     lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
     if lacks or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")

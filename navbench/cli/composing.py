@@ -1,5 +1,6 @@
 """From the words of a command line to composed configurations, by Hydra."""
 
+import gc
 import itertools
 import os
 import re
@@ -70,10 +71,12 @@ def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
     Plugins.instance().register(UserFolder)
     token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
     GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
+    gc.freeze()  # Hydra leaves much garbage, and a third of its time would go into looking through all else
     try:
         with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
             yield Composer()
     finally:
+        gc.unfreeze()
         FOLDER.reset(token)
         GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
 
@@ -102,6 +105,9 @@ class Composer:
         for word in words:
             if key_of(word).startswith("hydra") and key_of(word) != place:
                 raise DescriptionError(f"{key_of(word)}: unknown key; the only one of Hydra's own here is {place}")
+            for other, kind in KINDS.items():
+                if _top(word) in _keys_of(kind) and _top(word) not in _keys_of(KINDS[name]):
+                    raise DescriptionError(f"{word}: is a key of `navbench {other}`, not of a {name}")
         jobs = combinations(words) if sweep else [list(words)]
         first = self._whole(name, jobs[0])
         told = HydraConfig.get()
@@ -237,9 +243,13 @@ def _plain(config: DictConfig) -> dict[str, Any]:
     return values
 
 
+def _keys_of(kind: type[schema.Run]) -> list[str]:
+    return [field.name for field in fields(kind)]
+
+
 def _checked(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration in the order of its keys, which are those of its kind, each there."""
-    known = [field.name for field in fields(KINDS[name])]
+    known = _keys_of(KINDS[name])
     for key in values:
         if key not in known:
             raise DescriptionError(f"{key}: unknown key; {instead(key, known, HERE)}")

@@ -36,6 +36,11 @@ def one_line(error: BaseException) -> str:
         return f"{group}={name}: unknown choice; {instead(name, choices)}"
     if isinstance(error, OverrideParseException):
         return f"{error.override}: cannot be read; a word is key=value, and a value of unusual characters needs quotes"
+    if several := re.match(r"Ambiguous value for argument '([^=]*)=(.*)'", str(error)):
+        return (
+            f"{several[1]}={several[2]}: must be one value; only a sweep, with --multirun, takes several, "
+            f"and a list is {several[1]}=[{several[2]}]"
+        )
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
@@ -59,8 +64,9 @@ def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
     place = next(_places_of(given, cause), None) if given else None
     if unknown and isinstance(cause.key, str):
         allowed = [str(name) for name in cause.parent_node or () if name not in ("hydra", "sources")]
-        known = allowed or ["none; set the whole mapping, as sensors.tracker={range_m: 1.0}"]
-        complaint = f"{place or key}: unknown key; {instead(cause.key, known, HERE)}"
+        parent = (place or key).rpartition(".")[0]
+        whole = f"{parent} is null here; set the whole mapping, as {parent}={{{cause.key}: {given.partition('=')[2]}}}"
+        complaint = f"{place or key}: unknown key; {instead(cause.key, allowed, HERE) if allowed else whole}"
     else:
         complaint = f"{place or given or key}: {_allowed(cause)}"
     return f"{file[1]}.yaml: {complaint}" if file else complaint

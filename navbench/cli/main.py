@@ -39,7 +39,8 @@ options
   --cfg job                                         print the composed configuration and run nothing
   --version, -h, --help                             also after tune, study and report
 
-exit code: 0 if every planned episode has its row, 3 if some do not, 2 for wrong input, 130 when interrupted
+exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
+           130 when interrupted
 """
 VERBS = ("list", "tune", "study", "report")
 
@@ -92,7 +93,11 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
     from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
 
     try:
-        code: int = getattr(import_module(f"navbench.cli.{verb}"), verb)(arguments)
+        module = import_module(f"navbench.cli.{verb}")
+        if {"-h", "--help"} & {*arguments}:
+            print(module.HELP, end="")
+            return 0
+        code: int = getattr(module, verb)(arguments)
     except BrokenPipeError:
         raise
     except (*CONFIGURATION_ERRORS, ValueError) as error:

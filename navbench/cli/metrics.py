@@ -7,7 +7,7 @@ from navbench.analysis.stored import SELECTABLE
 from navbench.metrics import METRICS, MetricFunction, declared
 from navbench.records import CellKey, RobotRecord
 from navbench.report.tables import COLUMNS
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 TAKEN = {*SELECTABLE, *CellKey._fields, *RobotRecord._fields, *COLUMNS, "hit_index", "layout_id", "planned", "success"}
 
@@ -24,7 +24,10 @@ def metrics_of(names: Sequence[str]) -> tuple[MetricFunction, ...]:
     metrics = list(METRICS)
     for i, name in enumerate(names):
         key = f"metrics[{i}]"
-        found = resolve(key, name, "navbench.metrics", trust=True)
+        if "." not in name:
+            always = instead(name, [metric.name for metric in declared(METRICS)], "always measured")
+            raise DescriptionError(f"{key}={name}: must name a metric of your own as module.function; {always}")
+        found = resolve(key, name, "", trust=True)
         if not hasattr(found, "metric"):
             raise DescriptionError(f"{key}={name}: is no metric; declare it with @metric of navbench.metrics")
         own = found.metric.name

@@ -8,6 +8,7 @@ from textwrap import shorten
 from typing import Any, NamedTuple
 
 EVERY_S = 10.0  # between two lines of a log
+UNFINISHED = 3  # the exit code where something that was asked for is not there
 
 
 def complain(message: str) -> int:

@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from navbench.analysis.resolving import lies_outside
 from navbench.experiments.cells import Cell
+from navbench.report.claims import asked
 from navbench.validation import DescriptionError, instead
 
 SELECTIONS = ("select", "than")  # under these keys stands which cells are meant
@@ -11,7 +13,7 @@ COLUMNS = ("name", "label", "world", "controller", "robot", "sensors", "simulato
 
 
 def check_references(key: str, content: Mapping[str, Any], cells: Sequence[Cell]) -> None:
-    """Check that every selection of cells finds one.
+    """Check that every selection of cells, and every world and label that is named, is planned.
 
     Args:
         key: the study's place, for the error message.
@@ -38,12 +40,28 @@ def check_references(key: str, content: Mapping[str, Any], cells: Sequence[Cell]
 
 def _selections(key: str, value: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield every selection in plain values, with its place."""
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            if name in SELECTIONS and isinstance(inner, Mapping):
-                yield f"{key}.{name}", inner
+    if isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            yield from _selections(f"{key}[{i}]", inner)
+    elif isinstance(value, Mapping):
+        name = str(value.get("name", ""))
+        for word, inner in value.items():
+            place = f"{key}.{word}"
+            if word in SELECTIONS and isinstance(inner, Mapping):
+                yield place, inner
+            elif word == "with" and isinstance(inner, Mapping):  # the measures of a finding
+                for figure, spec in inner.items():
+                    yield from _selections(f"{place}.{figure}", asked(f"{place}.{figure}", spec))
             else:
-                yield from _selections(f"{key}.{name}", inner)
-    elif isinstance(value, list | tuple):
-        for place, inner in enumerate(value):
-            yield from _selections(f"{key}[{place}]", inner)
+                for more, selection in () if name == "verdicts" or lies_outside(name) else _named(word, inner):
+                    yield f"{place}{more}", {**value.get("select", {}), **selection}
+                yield from _selections(place, inner)
+
+
+def _named(word: str, value: Any) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the cells that an argument of a section or measure names: its place in the argument, and a selection."""
+    if word in ("labels", "reference", "home") and value:
+        return [("", {"label": value if isinstance(value, str) else list(value)})]
+    if word in ("worlds", "panels", "cells", "groups") and isinstance(value, Mapping):
+        return [(f".{of}", cells if isinstance(cells, Mapping) else {"world": cells}) for of, cells in value.items()]
+    return []

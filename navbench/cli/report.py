@@ -2,24 +2,27 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from navbench.cli.progress import UNFINISHED, complain
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
+
+if TYPE_CHECKING:
+    from navbench.report.reports import Written
 
 HELP = """navbench report DIR... [out=DIR]: rebuild tables and figures from results directories, and run nothing
 navbench report join=DIR: join the reports in a directory into its README.md
 
   --trust                                           run measures and sections that the results name outside navbench
+  --config-dir DIR                                  the folder with the study, where the results do not say it
 """
 KEYS = ("out", "join")
 
 
 def report(arguments: Sequence[str]) -> int:
     """Rebuild tables and figures from results directories, or join the reports in one."""
-    words = sort_words(arguments, ("--trust",))
-    if words.help:
-        print(HELP, end="")
-        return 0
+    words = sort_words(arguments, ("--trust", "--config-dir"))
     from navbench.experiments.store import Results
     from navbench.report.joined import write_joined
     from navbench.report.reports import write_report
@@ -44,12 +47,14 @@ def report(arguments: Sequence[str]) -> int:
     study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
     own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder
     out = given.get("out", Path("results") / study if own else runs[0].path / "report")
-    print_written(write_report(runs, out, trust=words.trust))
-    return 0
+    return print_written(write_report(runs, out, trust=words.trust, config_dir=words.config_dir))
 
 
-def print_written(written: Sequence[Path]) -> None:
-    """Print where each report lies and how much was written beside it."""
-    for file in written:
+def print_written(written: "Written") -> int:
+    """Print where each report lies, how much was written beside it, and what of it is not there; return a code."""
+    for file in written.files:
         if file.name == "report.md":
-            print(f"report: {file} ({len(written)} files)")
+            print(f"report: {file} ({len(written.files)} files)")
+    for problem in written.problems:
+        complain(f"{problem}; all else is written")
+    return UNFINISHED if written.problems else 0

@@ -1,6 +1,5 @@
 """One cell, or a sweep of several: composed, run side by side, and told as one table."""
 
-import shlex
 from collections.abc import Sequence
 
 from navbench.cli.composing import composing
@@ -37,8 +36,6 @@ def run(arguments: Sequence[str]) -> int:
         complain(why)
     if not cells:
         return 2
-    place = f"hydra.{'sweep' if words.multirun else 'run'}.dir"
-    named = any(word.startswith(f"{place}=") for word in words.overrides)
-    again = shlex.join(["navbench", *arguments, *([] if named else [f"{place}={path}"])])
+    again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
     options = {"workers": composed[0].values["workers"], "other_code": words.other_code}
     return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, sum(wrong.values()), **options)

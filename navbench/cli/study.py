@@ -1,6 +1,5 @@
 """A study: what is missing of it is run, then its report is written."""
 
-import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -25,13 +24,10 @@ KEYS = ("engine", "workers")
 def study(arguments: Sequence[str]) -> int:
     """Run what is missing of a study, and write its report."""
     words = sort_words(arguments)
-    if words.help:
-        print(HELP, end="")
-        return 0
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
-        given = " ".join(words.names)
-        raise DescriptionError(f"study {given}: name one study; {instead(given, known, 'there are')}")
+        given = " ".join(["study", *words.names])
+        raise DescriptionError(f"{given}: name one study; {instead(given[6:], known, 'there are')}")
     options = _options(words.overrides)
     from navbench.cli.flow import carry_out
     from navbench.cli.report import print_written
@@ -42,12 +38,12 @@ def study(arguments: Sequence[str]) -> int:
 
     name = words.names[0]
 
-    def finish(results: Results) -> None:
-        print_written(write_report([results], Path("results") / name, partial(in_processes, **options), trust=True))
+    def finish(results: Results) -> int:
+        each = partial(in_processes, **options)
+        return print_written(write_report([results], Path("results") / name, each, trust=True))
 
     plan, path = compose_study(name, words.config_dir), Path("outputs/study") / name
-    again = shlex.join(["navbench", "study", *arguments])
-    return carry_out(plan, path, again, finish, other_code=words.other_code, **options)
+    return carry_out(plan, path, ["study", *arguments], finish, other_code=words.other_code, **options)
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:

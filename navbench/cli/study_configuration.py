@@ -67,7 +67,7 @@ class CellSpec:
     trajectories: Flag = True
 
     def __post_init__(self) -> None:
-        """Check that the controllers are named in one way."""
+        """Check that the controllers are named once."""
         if bool(self.label) == bool(self.controllers):
             raise ValueError("must have one of `label` and `controllers`, the latter as `label: [overrides]`")
 
@@ -154,6 +154,7 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
             own = [tuning for tuning in tunings if tuning.name == spec.tuning]
             cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
     content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
+    content |= {} if config_dir is None else {"config_dir": str(config_dir)}
     check_references(f"study/{name}", {"claims": asked, "report": values.get("report")}, cells)
     return Plan(cells=tuple(cells), tunings=tunings, study={"name": name, **content})
 

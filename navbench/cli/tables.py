@@ -1,6 +1,7 @@
 """The table and the picture of a results directory: of a run, a sweep or a tuning, whole or as far as it came."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.experiments.store import Results, write_table
@@ -14,11 +15,14 @@ NAMES = ("controller", "world", "robot", "sensors", "simulator")
 
 def print_tables(results: Results) -> None:
     """Write the tables and the picture, and print what a person asks for first."""
+    from navbench.analysis.stored import StoredResults
     from navbench.report.tables import failures, to_text
 
     table = write_tables(results)
     print(to_text(table))
     for line in failures(results.episodes()):
+        print(line)
+    for line in StoredResults(results).missing:
         print(line)
     shown = len(_drawn(results))
     if shown < len(table):
@@ -27,14 +31,20 @@ def print_tables(results: Results) -> None:
 
 
 def write_tables(results: Results) -> "pd.DataFrame":
-    """Write the table of the cells that have episodes, as CSV and Markdown, and a picture; and return the table."""
-    from navbench.report.figures import save_trajectories
+    """Write the table of the cells that have episodes, as CSV and Markdown, and return it.
+
+    A picture is drawn where there is none, or where episodes, or how they are drawn, have changed since.
+    """
+    from navbench.report import figures
     from navbench.report.tables import to_markdown
 
     table = _table_of(results)
     write_table(results.path / "table.csv", table.to_csv(index=False))
     write_table(results.path / "table.md", to_markdown(table))
-    save_trajectories(results, _drawn(results), results.path / "trajectories.png")
+    picture = results.path / "trajectories.png"
+    drawn_of = (results.path / "episodes", results.path / "trajectories", Path(figures.__file__))
+    if not (picture.is_file() and all(picture.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
+        figures.save_trajectories(results, _drawn(results), picture)
     return table
 
 
@@ -59,44 +69,26 @@ def _table_of(results: Results) -> "pd.DataFrame":
     manifest = results.manifest()["cells"]
     cells = {cell["run_id"]: cell for cell in reversed(manifest)}
     order = {cell["run_id"]: place for place, cell in enumerate(manifest)}
-    episodes, metrics = results.episodes(), StoredResults(results).metrics.values()
-    table = summarize(episodes, metrics).sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
+    stored = StoredResults(results)
+    table = summarize(stored.rows, stored.metrics.values())
+    table = table.sort_values("run_id", key=lambda ids: ids.map(order), ignore_index=True)
     mine = [cells[run_id] for run_id in table["run_id"]]
     table["controller"] = [cell["label"] for cell in mine]
     _tell_apart(table, mine)
-    planned = _planned(manifest)
-    rows = [len(planned[run_id]) * robots for run_id, robots in zip(table["run_id"], table["robots"], strict=True)]
-    there = episodes.groupby("run_id").size()
+    rows = [len(stored.planned[run]) * robots for run, robots in zip(table["run_id"], table["robots"], strict=True)]
+    there = stored.rows.groupby("run_id").size()
     if rows != [there[run_id] for run_id in table["run_id"]]:
         table.insert(len(NAMES), "planned", rows)
     return table
 
 
-def _planned(cells: Sequence[Mapping[str, Any]]) -> dict[str, set[int]]:
-    """Return the episodes that were planned of each run."""
-    planned: dict[str, set[int]] = {}
-    for cell in cells:
-        first = cell["first_episode"]
-        planned.setdefault(cell["run_id"], set()).update(range(first, first + cell["episodes"]))
-    return planned
-
-
 def _tell_apart(table: "pd.DataFrame", cells: Sequence[Mapping[str, Any]]) -> None:
     """Add a column for each key of the configuration in which cells of the same names differ."""
-    values = [dict(_leaves(cell["configuration"])) for cell in cells]
-    keys: dict[str, None] = {}
-    for rows in table.groupby(list(NAMES)).indices.values():
-        alike = [values[row] for row in rows]
-        every = dict.fromkeys(key for leaves in alike for key in leaves)
-        keys |= dict.fromkeys(key for key in every if len({leaves.get(key) for leaves in alike}) > 1)
+    from navbench.analysis.stored import leaves_of
+    from navbench.report.runs import differing
+
+    values = [dict(leaves_of(cell["configuration"])) for cell in cells]
+    alike = table.groupby(list(NAMES)).indices.values()
+    keys = dict.fromkeys(key for rows in alike for key in differing([values[row] for row in rows]))
     for place, key in enumerate(keys, len(NAMES)):
-        table.insert(place, key, [leaves.get(key, "") for leaves in values])
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield a configuration's dotted keys with their values as words."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
-    else:
-        yield key, str(value)
+        table.insert(place, key, [own.get(key, "") for own in values])

@@ -1,6 +1,5 @@
 """A tuning: every evaluation is kept, the controller is run untuned and tuned, and the tuned one gets a file."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -32,9 +31,6 @@ SHOWN_MAX = 20  # parameters; of more, a screen shows no better than the file
 def tune(arguments: Sequence[str]) -> int:
     """Search a controller's parameters, keep every evaluation, and write the tuned controller's file."""
     words = sort_words(arguments, ("--config-dir", "--cfg"))
-    if words.help:
-        print(HELP, end="")
-        return 0
     if words.names:
         raise DescriptionError(f"{words.names[0]}: unknown word; tune takes key=value, such as tuner=pso")
     from navbench.cli.composing import composing
@@ -75,8 +71,7 @@ def tune(arguments: Sequence[str]) -> int:
         "report": [],
     }
     plan = Plan(cells=(*untuned, *tuned), tunings=(tuning,), study=content)
-    named = any(word.startswith("hydra.run.dir=") for word in words.overrides)
-    again = shlex.join(["navbench", "tune", *arguments, *([] if named else [f"hydra.run.dir={path}"])])
+    again = ["tune", *arguments, *words.place("hydra.run.dir", path)]
     return carry_out(plan, path, again, finish, workers=workers, other_code=words.other_code)
 
 

@@ -23,7 +23,6 @@ class Words(NamedTuple):
         config_dir: the folder after ``--config-dir``, or None.
         multirun: whether ``-m`` was given.
         cfg: whether ``--cfg job`` was given.
-        help: whether ``--help`` was given.
         other_code: whether ``resume=other-code`` was given.
         trust: whether ``--trust`` was given.
     """
@@ -33,9 +32,12 @@ class Words(NamedTuple):
     config_dir: str | None
     multirun: bool
     cfg: bool
-    help: bool
     other_code: bool
     trust: bool
+
+    def place(self, key: str, path: Path) -> list[str]:
+        """Return the word that names a directory, where the others do not."""
+        return [] if any(word.startswith(f"{key}=") for word in self.overrides) else [f"{key}={path}"]
 
 
 def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",)) -> Words:
@@ -51,7 +53,6 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
     allowed = ", ".join([*flags, "--help"])
     parser = _Parser(add_help=False, allow_abbrev=False)
     parser.add_argument("words", nargs="*")
-    parser.add_argument("-h", "--help", action="store_true")
     for flag in flags:
         if flag in ("--multirun", "--trust"):
             parser.add_argument(flag, FLAGS[flag], action="store_true")
@@ -74,7 +75,6 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
         config_dir=config_dir,
         multirun=getattr(given, "multirun", False),
         cfg=getattr(given, "cfg", None) is not None,
-        help=given.help,
         other_code=RESUME in overrides,
         trust=getattr(given, "trust", False),
     )

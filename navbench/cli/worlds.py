@@ -31,9 +31,9 @@ def world_of(values: Mapping[str, Any], name: str) -> tuple[World, dict[str, Any
     if build is None:
         source, kept = describe(Layout, listed, "world"), {**listed, **own}
     else:
+        source, kept = source_of("world.source", build), {"source": build, **own}
         for key in listed:
             raise DescriptionError(f"world.{key}: must be empty, because world.source draws the whole layout")
-        source, kept = source_of("world.source", build), {"source": build, **own}
     return describe(World, {"name": name, "source": source, **own}, "world"), kept
 
 

@@ -125,11 +125,12 @@ def close(
 def _gather(robots: NDArray[np.void], index: int, scenery: Scenery, radius_m: float, around: FloatArray) -> int:
     """Write everything round, as seen by one robot, and return how much it is."""
     discs, polygons = scenery[1], scenery[2]
-    count = discs.shape[0] + polygons.shape[0]
+    count: int = discs.shape[0] + polygons.shape[0]
     around[: discs.shape[0]] = discs
     around[discs.shape[0] : count] = polygons[:, :5]
     other_robots(robots, index, radius_m, around[count:])
-    return count + robots.shape[0] - 1
+    others: int = robots.shape[0] - 1
+    return count + others
 
 
 class _Loop:

@@ -3,16 +3,13 @@
 import math
 import reprlib
 import struct
-import sysconfig
 import traceback
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from textwrap import shorten
 from typing import Any, NamedTuple
 
-PACKAGE = Path(__file__).parents[1]
-REASON_MAX = 160  # characters
-LINE_MAX = 60  # characters of a source line
+from navbench.raised import REASON_MAX, first_line, is_framework, one_line
+
 FRAMES_MAX = 20  # of a traceback, the innermost
 
 
@@ -74,40 +71,9 @@ def failure(error: BaseException, act: object = None) -> Failure:
         act: the controller's method, which a ``ContractError`` is about.
     """
     if isinstance(error, ContractError):
-        code = getattr(act, "__code__", None)
-        place = f" ({Path(code.co_filename).name}, line {code.co_firstlineno})" if code else ""
-        return Failure(shorten(str(error), REASON_MAX, placeholder="...") + place)
+        return Failure(shorten(str(error), REASON_MAX, placeholder="...") + first_line(act))
     frame = error.__traceback__
-    while frame is not None and frame.tb_next is not None and _is_framework(frame.tb_frame.f_code.co_filename):
+    while frame is not None and frame.tb_next is not None and is_framework(frame.tb_frame.f_code.co_filename):
         frame = frame.tb_next
     lines = traceback.format_exception(type(error), error, frame, limit=-FRAMES_MAX)
-    return Failure(_one_line(error) + own_line(error), "".join(lines))
-
-
-def own_line(error: BaseException) -> str:
-    """Return the last line outside libraries and framework that an exception came through, in brackets, or nothing."""
-    own = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not (_is_framework(frame.filename) or _is_library(frame.filename))
-    ]
-    if not own:
-        return ""
-    text = shorten(own[-1].line or "", LINE_MAX, placeholder=" ...")
-    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno}: {text})"
-
-
-def _one_line(error: BaseException) -> str:
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "..."
-
-
-def _is_framework(file: str) -> bool:
-    """Return whether a file is navbench's, but no controller's."""
-    path = Path(file)
-    return path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).parts[0] != "controllers"
-
-
-def _is_library(file: str) -> bool:
-    packages = {"site-packages", "dist-packages"} & set(Path(file).parts)
-    return bool(packages) or file.startswith(("<", sysconfig.get_path("stdlib")))
+    return Failure(one_line(error), "".join(lines))

@@ -300,7 +300,7 @@ class EpisodeRunner:
         speed = (0.5 * (left + right), (right - left) / self._robot.track_m)
         discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
         observation = pilot.perception.observe(
-            t_s, Pose(robot.x_m, robot.y_m, robot.heading_rad), speed, ranges_m, not math.isnan(robot.held_m), discs
+            t_s, Pose(robot.x_m, robot.y_m, robot.heading_rad), speed, ranges_m, bool(robot.touches), discs
         )
         try:
             begin = time.perf_counter()

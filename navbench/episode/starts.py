@@ -1,4 +1,4 @@
-"""Where the robots of an episode begin: the world's starts, moved at random, and free of everything."""
+"""Where the robots of an episode begin: the world's starts, randomly perturbed, and free of everything."""
 
 import math
 from typing import NamedTuple
@@ -14,21 +14,21 @@ DRAWS_MAX = 1000  # a start that stays in contact this often has no free place w
 
 
 class Jitter(NamedTuple):
-    """How far starts are moved at random: uniform in [-j, j], for x and y [m] and for the heading [rad]."""
+    """How far starts are perturbed: uniform in [-j, j], for x and y [m] and for the heading [rad]."""
 
     position_m: float = 0.0
     heading_rad: float = 0.0
 
 
 def draw_starts(world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
-    """Return a pose for each of the world's starts, moved at random, drawn again while in contact.
+    """Return a pose for each of the world's starts, randomly perturbed, drawn again while in contact.
 
     A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
 
     Args:
         world: the world as drawn for the episode.
         radius_m: every robot's hull [m].
-        jitter: how far the starts are moved.
+        jitter: how far the starts are perturbed.
         seed: of the streams.
         episode: its index, which names its streams.
 

@@ -1,28 +1,21 @@
 """Files that are written whole or not at all, and directories that are not left behind empty."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
-class Replacing:
-    """Gives a temporary file beside the wanted one, and renames it when all went well."""
-
-    def __init__(self, file: Path) -> None:
-        """Note which file is wanted."""
-        self._file = file
-        self._temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-
-    def __enter__(self) -> Path:
-        """Return the temporary file."""
-        self._file.parent.mkdir(parents=True, exist_ok=True)
-        return self._temporary
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Rename it, or remove it when something went wrong."""
-        if kind is None:
-            os.replace(self._temporary, self._file)
-        else:
-            self._temporary.unlink(missing_ok=True)
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """Give a temporary file beside the wanted one, and rename it when all went well."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        os.replace(temporary, file)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def existing(path: Path) -> Path:

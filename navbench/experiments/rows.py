@@ -1,6 +1,6 @@
-"""What is kept of a batch as tables: a row for each control period, and one for how long a controller took."""
+"""What is kept of a batch as tables: how each robot's episode ended, its trajectory, and its latencies."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,31 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
+
+
+def episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]) -> "pa.Table":
+    """Return how the episodes of (episode, record) pairs ended, and in which layouts: a row a robot and episode."""
+    import pyarrow as pa
+
+    rows = [
+        {
+            "run_id": cell.run_id,
+            **cell.names._asdict(),
+            "config_hash": cell.config_hash,
+            "seed": cell.seed,
+            "episode": episode,
+            "robot_index": record.robot_index,
+            "outcome": record.outcome,
+            "reason": record.reason,
+            "traceback": record.traceback,
+            "hit": "" if record.hit is None else record.hit.kind,
+            "hit_index": -1 if record.hit is None else record.hit.index,
+            **record.metrics,
+            "layout_id": layouts.get(episode, ""),
+        }
+        for episode, record in records
+    ]
+    return pa.Table.from_pylist(rows)
 
 
 def trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":

@@ -83,7 +83,7 @@ def run_plan(
             results.abandon()
         discard_empty(path, there)
         raise
-    results.end()
+    results.end(running.codes)
     return ran
 
 
@@ -139,7 +139,7 @@ SEARCHES: Work[_Search, Evaluation] = Work(_search, lambda search: [search], _re
 
 @dataclass(slots=True)
 class _Running:
-    """A plan under way; the fields are the arguments of ``run_plan``."""
+    """A plan under way; the first fields are the arguments of ``run_plan``."""
 
     plan: Plan
     results: Results
@@ -147,7 +147,9 @@ class _Running:
     engine: str
     progress: Progress
     other_code: bool
-    _codes: dict[tuple[str, ...], dict[str, str]] = field(default_factory=dict)  # of each set of classes
+    codes: set[str] = field(default_factory=set)  # the digests that parts name
+    _modules: dict[str, dict[str, str]] = field(default_factory=dict)  # under the digest of them all
+    _digests: dict[tuple[str, ...], str] = field(default_factory=dict)  # of each set of classes
     _changed: list[str] = field(default_factory=list)
 
     def begin(self) -> None:
@@ -192,7 +194,8 @@ class _Running:
         """Run the episodes that are missing, those of all cells side by side."""
         results = self.results
         cells = [self._tuned(cell) for cell in self.plan.cells]
-        self._write_manifest(cells)
+        if self.plan.tunings:
+            self._write_manifest(cells)
         self._write_descriptions(cells)
         batches = {batch_name(key, batch.episodes): (key, batch) for key, batch in batches_of_all(cells)}
         codes = {name: self._code(batch.cell.configuration) for name, (_, batch) in batches.items()}
@@ -225,22 +228,25 @@ class _Running:
         return cell
 
     def _write_manifest(self, cells: Sequence[Cell]) -> list[str]:
-        files = {name: found for code in self._codes.values() for name, found in code.items()}
         tunings = [tuning.key() for tuning in self.plan.tunings]
         planned = {"episodes": self.plan.episodes()}
-        return self.results.begin([c.key() for c in cells], tunings, self.plan.study, planned, files, commit())
+        return self.results.begin([c.key() for c in cells], tunings, self.plan.study, planned, self._modules, commit())
 
     def _code(self, configuration: Any, *roots: str) -> str:
         """Return the digest of the code that a configuration runs through."""
         roots = (*roots, *roots_of(configuration))
-        if roots not in self._codes:
-            self._codes[roots] = code_of(roots)
-        return digest(self._codes[roots])
+        if roots not in self._digests:
+            modules = code_of(roots)
+            self._digests[roots] = digest(modules)
+            self._modules[digest(modules)] = modules
+        return self._digests[roots]
 
     def _of_other_code(self, kind: str, codes: Mapping[str, str]) -> set[str]:
         """Return the parts that other code made and that are to be made anew, and say and note what was changed."""
         results = self.results
-        found = {n for n, code in codes.items() if results.has(kind, n) and results.code_of(kind, n) != code}
+        there = {name: results.code_of(kind, name) for name in codes if results.has(kind, name)}
+        found = {name for name, code in there.items() if code != codes[name]}
+        self.codes |= {*codes.values(), *(there.values() if self.other_code else ())}
         if found:
             results.record_resume(self._changed, len(found), self.other_code)
             said = ", ".join(self._changed) or "see resumed in its manifest"

@@ -6,18 +6,15 @@ that was finished, and the same work writes the same bytes.
 
 import hashlib
 import json
-import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
-from datetime import UTC, datetime
-from importlib.metadata import version
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments.files import Replacing, discard_empty
-from navbench.experiments.rows import latency_table, trajectory_table
-from navbench.metrics import Metric
-from navbench.records import CellKey, Names, RobotRecord, TuningKey
+from navbench.experiments.files import discard_empty, replacing
+from navbench.experiments.manifest import SCHEMA_VERSION, is_other_work, manifest_of, now
+from navbench.experiments.rows import episode_table, latency_table, trajectory_table
+from navbench.records import CellKey, RobotRecord, TuningKey
 from navbench.validation import DescriptionError
 from navbench.world.layout import layout_id
 
@@ -25,8 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-SCHEMA_VERSION = 1
-PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "hydra-core", "scipy")
 CODE = b"navbench.code"  # under which a part names the code that made it
 
 
@@ -50,7 +45,7 @@ class Results:
         tunings: Sequence[TuningKey] = (),
         study: Mapping[str, Any] | None = None,
         planned: Mapping[str, int] | None = None,
-        code: Mapping[str, str] | None = None,
+        codes: Mapping[str, Mapping[str, str]] | None = None,
         commit: str | None = None,
     ) -> list[str]:
         """Make the directory, write the manifest of what is about to run, and return which code changed since.
@@ -62,7 +57,7 @@ class Results:
             tunings: what will be searched.
             study: the study's name, claims and report as plain values; None for a run.
             planned: how many episodes are planned.
-            code: a digest of each module that makes rows.
+            codes: the digest of each module that makes rows, under the digest of them all that a part names.
             commit: the git commit of navbench's sources.
 
         Returns:
@@ -71,33 +66,19 @@ class Results:
         Raises:
             ResultsError: the directory holds results of other work.
         """
-        manifest: dict[str, Any] = {
-            "schema_version": SCHEMA_VERSION,
-            "study": study,
-            "planned": planned or {"episodes": sum(cell.episodes for cell in cells)},
-            "cells": [_described(cell) for cell in cells],
-            "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
-            "versions": {name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.packages)})},
-            "metrics": [_plain(metric) for metric in dict.fromkeys(m for cell in cells for m in cell.metrics)],
-            "python": platform.python_version(),
-            "platform": f"{platform.system()} {platform.machine()}",
-            "commit": commit,
-            "code": code or {},
-            "resumed": [],
-            "began": _now(),
-            "ended": None,
-        }
+        manifest = manifest_of(cells, tunings, study, planned, codes or {}, commit)
         changed: list[str] = []
         if (self.path / "manifest.json").exists():
             old = self.manifest()
-            if _is_other_work(old, manifest):
+            if is_other_work(old, manifest):
                 raise ResultsError(f"{self.path}: holds the results of other work; choose another directory")
             before = old.get("code", {})
             manifest |= {key: old[key] for key in ("began", "resumed") if key in old}
+            manifest["codes"] = old.get("codes", {}) | manifest["codes"]
             changed = [name for name, now in manifest["code"].items() if before.get(name) != now]
         elif self.path.is_dir() and any(self.path.glob("*/part-*.parquet")):
             raise ResultsError(f"{self.path}: holds parts without a manifest; choose another directory")
-        self._write_json("manifest.json", manifest)
+        self._write_manifest(manifest)
         return changed
 
     def record_resume(self, changed: Sequence[str], parts: int, kept: bool) -> None:
@@ -109,8 +90,8 @@ class Results:
             kept: whether they were kept; else they were run anew.
         """
         manifest = self.manifest()
-        note = {"when": _now(), "changed": list(changed), "parts": parts, "kept": kept}
-        self._write_json("manifest.json", {**manifest, "resumed": [*manifest["resumed"], note]})
+        note = {"when": now(), "changed": list(changed), "parts": parts, "kept": kept}
+        self._write_manifest({**manifest, "resumed": [*manifest["resumed"], note]})
 
     def abandon(self) -> None:
         """Remove what was written of a run of which nothing was finished."""
@@ -133,12 +114,18 @@ class Results:
     def write_csv(self) -> None:
         """Write ``episodes.csv`` for people, of the episodes that are there."""
         if any((self.path / "episodes").glob("part-*.parquet")):
-            self._write("episodes.csv", self.episodes().to_csv(index=False).encode())
+            write_table(self.path / "episodes.csv", self.episodes().to_csv(index=False))
 
-    def end(self) -> None:
-        """Write ``episodes.csv``, and into the manifest when the work ended."""
+    def end(self, codes: Iterable[str] = ()) -> None:
+        """Write ``episodes.csv``, and into the manifest when the work ended.
+
+        Args:
+            codes: the digests that parts name; what the manifest holds of others is dropped.
+        """
         self.write_csv()
-        self._write_json("manifest.json", {**self.manifest(), "ended": _now()})
+        manifest = self.manifest()
+        kept = {digest: manifest["codes"][digest] for digest in codes if digest in manifest["codes"]}
+        self._write_manifest({**manifest, "codes": kept, "ended": now()})
 
     def finished(self) -> dict[str, set[int]]:
         """Return the episodes that are there, of each run, from the names of the parts."""
@@ -182,7 +169,7 @@ class Results:
         self._write_table(f"latency/{name}", latency_table(cell, ordered), code)
         if trajectories:
             self._write_table(f"trajectories/{name}", trajectory_table(cell, ordered), code)
-        self._write_table(f"episodes/{name}", _episode_table(cell, ordered, ids), code)
+        self._write_table(f"episodes/{name}", episode_table(cell, ordered, ids), code)
 
     def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> dict[int, str]:
         """Write the geometry of the layouts that were driven, and return each episode's layout by its id.
@@ -262,7 +249,7 @@ class Results:
 
     def episodes(self) -> "pd.DataFrame":
         """Return the table of episodes: one row a robot and episode, sorted by run, episode and robot."""
-        return self._read("episodes", ["run_id", "episode", "robot_index"])
+        return self._read("episodes", ["run_id", "episode", "robot_index"]).copy()
 
     def trajectories(self, run_id: str = "") -> "pd.DataFrame":
         """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time."""
@@ -297,31 +284,24 @@ class Results:
         return {file.stem: _table_of(file).to_pandas() for file in files}
 
     def _read(self, kind: str, order: list[str], of: str = "") -> "pd.DataFrame":
-        import pyarrow as pa
-
         parts = sorted((self.path / kind).glob(f"part-{of}*.parquet"))
         if kind in ("trajectories", "latency"):  # a batch's episodes are written last: without them it is unfinished
             parts = [part for part in parts if self.has("episodes", part.name)]
         if not parts:
             raise ResultsError(f"{self.path}: no results here: {kind}/ holds no part" + (f" of {of}" if of else ""))
-        table = pa.concat_tables(map(_table_of, parts), promote_options="permissive").combine_chunks()
-        frame: pd.DataFrame = table.to_pandas()
-        return frame.sort_values(order, kind="stable", ignore_index=True)
+        read = _frame_of if kind == "episodes" else _frame_of.__wrapped__
+        return read(tuple((part, part.stat().st_mtime_ns) for part in parts), tuple(order))
 
     def _write_table(self, name: str, table: "pa.Table", code: str = "") -> None:
         import pyarrow.parquet as pq
 
         if code:
             table = table.replace_schema_metadata({CODE: code})
-        with Replacing(self.path / name) as temporary:
+        with replacing(self.path / name) as temporary:
             pq.write_table(table, temporary, compression="zstd")
 
-    def _write_json(self, name: str, value: Mapping[str, Any]) -> None:
-        self._write(name, (json.dumps(value, indent=2) + "\n").encode())
-
-    def _write(self, name: str, content: bytes) -> None:
-        with Replacing(self.path / name) as temporary:
-            temporary.write_bytes(content)
+    def _write_manifest(self, manifest: Mapping[str, Any]) -> None:
+        write_table(self.path / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 
 
 def _table_of(file: Path) -> "pa.Table":
@@ -332,8 +312,14 @@ def _table_of(file: Path) -> "pa.Table":
         return opened.read(use_threads=False)
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+@lru_cache(maxsize=4)
+def _frame_of(parts: tuple[tuple[Path, int], ...], order: tuple[str, ...]) -> "pd.DataFrame":
+    """Return some parts, each with the time of its last change, as one sorted table."""
+    import pyarrow as pa
+
+    table = pa.concat_tables((_table_of(part) for part, _ in parts), promote_options="permissive").combine_chunks()
+    frame: pd.DataFrame = table.to_pandas()
+    return frame.sort_values(list(order), kind="stable", ignore_index=True)
 
 
 def batch_name(cell: CellKey, episodes: range) -> str:
@@ -351,55 +337,7 @@ def unfinished_name(tuning: TuningKey) -> str:
     return f"unfinished-{tuning.tuning_id}.parquet"
 
 
-def _is_other_work(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
-    """Return whether a directory's manifest is of other work than a new one; a study's own file may have changed."""
-    names = [(manifest["study"] or {}).get("name", "") for manifest in (old, new)]
-    if names[0] != names[1]:
-        return True
-    if names[0] and not names[0].startswith("tune "):
-        return False
-    mine, others = ([cell for cell in manifest["cells"] if not cell["tuning"]] for manifest in (new, old))
-    return mine != others or bool(old["tunings"] != new["tunings"])
-
-
-def _described(cell: CellKey) -> dict[str, Any]:
-    values = cell._asdict()
-    names: Names = values.pop("names")
-    for name in ("packages", "metrics"):  # they stand once for all cells
-        values.pop(name)
-    return {**values, **names._asdict(), "configuration": dict(cell.configuration), "sources": dict(cell.sources)}
-
-
-def _plain(metric: Metric) -> dict[str, Any]:
-    """Return what a metric is as plain values."""
-    return {name: value for name, value in asdict(metric).items() if name != "lost"}
-
-
-def _episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]) -> "pa.Table":
-    import pyarrow as pa
-
-    rows = [
-        {
-            "run_id": cell.run_id,
-            **cell.names._asdict(),
-            "config_hash": cell.config_hash,
-            "seed": cell.seed,
-            "episode": episode,
-            "robot_index": record.robot_index,
-            "outcome": record.outcome,
-            "reason": record.reason,
-            "traceback": record.traceback,
-            "hit": "" if record.hit is None else record.hit.kind,
-            "hit_index": -1 if record.hit is None else record.hit.index,
-            **record.metrics,
-            "layout_id": layouts.get(episode, ""),
-        }
-        for episode, record in records
-    ]
-    return pa.Table.from_pylist(rows)
-
-
 def write_table(file: Path, text: str) -> None:
     """Write a table beside results, whole or not at all."""
-    with Replacing(file) as temporary:
+    with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

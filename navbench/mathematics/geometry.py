@@ -98,13 +98,13 @@ def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatA
 
 @compiled
 def segment_crossing(ax: float, ay: float, bx: float, by: float, line: FloatArray) -> float:
-    """Return where the way from a to b crosses a segment, as a fraction of the way in [0, 1]; -1 where it does not.
+    """Return where the line from a to b crosses a segment, as a fraction of its length in [0, 1]; -1 where it does not.
 
     Args:
-        ax: x of the way's beginning [m].
-        ay: y of the way's beginning [m].
-        bx: x of the way's end [m].
-        by: y of the way's end [m].
+        ax: x of the line's beginning [m].
+        ay: y of the line's beginning [m].
+        bx: x of the line's end [m].
+        by: y of the line's end [m].
         line: (4,) the segment's two end points, x1, y1, x2, y2 [m].
     """
     ux, uy = line[2] - line[0], line[3] - line[1]

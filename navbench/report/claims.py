@@ -4,13 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from navbench.analysis.claims import EVIDENCE, claims_of, judged, quantity, verdicts_in
-from navbench.analysis.measuring import measure
+from navbench.analysis.claims import EVIDENCE, FAILED, claims_of, judged, quantity, verdicts_in
+from navbench.analysis.measuring import MeasureError, arguments, check_measure, measure
 from navbench.analysis.stored import StoredResults, reached
 from navbench.mathematics.statistics import Estimate
-from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Table, words
+from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Problem, Table, words
 from navbench.report.page import Page, Select
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
 SHOWN = ("show", "decimals", "signed")
@@ -24,15 +24,34 @@ def findings(page: Page, *, sentences: Sequence[Mapping[str, Any]]) -> Blocks:
         sentences: each ``say`` with names in braces, and for each name, under ``with``, its measure and how it is
             shown: ``show`` (value, interval, count or percent), ``decimals`` and ``signed``.
     """
-    return [_finding(page, f"sentences[{i}]", sentence) for i, sentence in enumerate(sentences)]
+    check_sentences("sentences", sentences, page.trust)
+    told: list[Block] = []
+    for i, sentence in enumerate(sentences):
+        try:
+            told.append(_finding(page, f"sentences[{i}]", sentence))
+        except MeasureError as error:
+            told.append(Problem(str(error)))
+    return told
+
+
+def check_sentences(key: str, sentences: Sequence[Mapping[str, Any]], trust: bool) -> None:
+    """Check the measures of sentences, and the forms in which they are shown.
+
+    Raises:
+        DescriptionError: there is no such measure or form, or an argument is unknown or missing.
+    """
+    for i, sentence in enumerate(sentences):
+        for name, spec in sentence.get("with", {}).items():
+            place, show = f"{key}[{i}].with.{name}", spec.get("show", "interval")
+            if show not in FORMS:
+                raise DescriptionError(f"{place}.show={show}: unknown; {instead(show, FORMS)}")
+            asked(place, spec, trust)
 
 
 def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     figures = {}
     for name, spec in sentence.get("with", {}).items():
-        if spec.get("show", "interval") not in FORMS:
-            raise DescriptionError(f"{key}.with.{name}.show={spec['show']}: unknown; allowed: {', '.join(FORMS)}")
-        of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
+        of = asked(f"{key}.with.{name}", spec, page.trust)
         found = measure(page.stored, spec.get("name", ""), of, trust=page.trust, key=f"{key}.with.{name}")
         told = "no case" if found is None else words(found, **{word: spec[word] for word in SHOWN if word in spec})
         figures[name] = Figure(told, *(found or (None, None, None, 0)))
@@ -42,6 +61,16 @@ def _finding(page: Page, key: str, sentence: Mapping[str, Any]) -> Finding:
     except (KeyError, ValueError, IndexError) as error:
         raise DescriptionError(f"{key}.say: {error!r} in {sentence['say']!r}") from None
     return finding
+
+
+def asked(key: str, spec: Mapping[str, Any], trust: bool = True) -> dict[str, Any]:
+    """Return the arguments of the measure of a finding's figure, with its cells under ``select`` and ``than``.
+
+    Raises:
+        DescriptionError: there is no such measure, or it does not take these arguments.
+    """
+    of = {word: value for word, value in spec.items() if word not in (*SHOWN, "name")}
+    return arguments(check_measure(key, spec.get("name", ""), of, trust=trust), of)
 
 
 def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -> Blocks:
@@ -59,13 +88,15 @@ def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -
     for evidence in EVIDENCE:
         of_it = table[table["evidence"] == evidence]
         if len(of_it):
-            chosen[f"of these, evidence {_plain(evidence)}"] = of_it
+            chosen[f"of these, evidence {plain(evidence)}"] = of_it
     counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in kinds)] for title, rows in chosen.items()]
-    columns = [Column("", "claims"), *(Column(_plain(verdict), verdict) for verdict in kinds)]
+    columns = [Column("", "claims"), *(Column(plain(verdict), verdict) for verdict in kinds)]
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
     rows = [_told(claim) for claim in table.to_dict("records")]
     claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
-    return [Table("verdicts", columns, counts), claims]
+    failed = table[table["reason"].str.startswith(FAILED)].to_dict("records")
+    problems = [Problem(f"claims.{claim['id']}: {claim['reason']}") for claim in failed]
+    return [Table("verdicts", columns, counts), claims, *problems]
 
 
 def _told(claim: Mapping[Any, Any]) -> list[str]:
@@ -77,8 +108,8 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
         str(claim["n"]),
         claim["simulator"],
         claim["tolerance"],
-        _plain(claim["evidence"]),
-        _plain(claim["verdict"]) + reason,
+        plain(claim["evidence"]),
+        plain(claim["verdict"]) + reason,
     ]
 
 
@@ -143,9 +174,9 @@ def errata(page: Page, *, items: Sequence[Mapping[str, str]]) -> Blocks:
         items: each ``where`` in the paper, ``printed`` and what is done ``here``.
     """
     rows = [[item["where"], item["printed"], item["here"]] for item in items]
-    blocks: list[Block] = [Table("", [Column("where"), Column("the paper"), Column("here")], rows)]
-    return blocks
+    return [Table("", [Column("where"), Column("the paper"), Column("here")], rows)]
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """Return a verdict or an evidence in words."""
     return name.replace("_", " ")

@@ -228,7 +228,14 @@ class Plot:
         return {form: f"figures/{self.file}.{form.lower()}" for form in ("PNG", "SVG")}
 
 
-Block: TypeAlias = Heading | Paragraph | Lines | Link | Finding | Table | Plot
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Why a part of the report is not there, which the command line says, too, and ends with another exit code."""
+
+    text: str
+
+
+Block: TypeAlias = Heading | Paragraph | Lines | Link | Finding | Table | Plot | Problem
 Blocks: TypeAlias = Sequence[Block]
 
 
@@ -247,6 +254,11 @@ class Document:
     blocks: Blocks
     summary: str = ""
     errata: Sequence[Mapping[str, str]] = field(default=())
+
+    @property
+    def problems(self) -> list[str]:
+        """Why parts of it are not there."""
+        return [block.text for block in self.blocks if isinstance(block, Problem)]
 
     @property
     def files(self) -> list[str]:

@@ -1,7 +1,6 @@
 """Figures of stored results: trajectories over their world; and how a figure is saved."""
 
 import io
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -9,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.stored import StoredResults
+from navbench.analysis.stored import StoredResults, driven, reached
+from navbench.experiments.files import replacing
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -34,7 +34,8 @@ COLOURS = {
     "no_layout": "#7f7f7f",
 }
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
-LINES_MAX = 200  # more trajectories than this make a blot, not a picture
+LINES_MAX = 200  # more paths than this in a panel make a blot, not a picture
+COLUMNS_MAX = 1000  # pixels of a panel, more than it has: two points in one are drawn as one
 PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness
     "#d55e00",
     "#0072b2",
@@ -152,7 +153,6 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
     """
     import matplotlib
 
-    (out / "figures").mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
             _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
@@ -198,7 +198,7 @@ def draw_cell(
     episodes: "pd.DataFrame",
     trajectories: "pd.DataFrame",
 ) -> None:
-    """Draw a world with the paths of all episodes, coloured by outcome.
+    """Draw a world with the paths of all episodes, or an even sample that the title tells of, coloured by outcome.
 
     Args:
         ax: where to draw.
@@ -211,16 +211,7 @@ def draw_cell(
     if world is not None:
         draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
-    for count, (key, trajectory) in enumerate(trajectories.groupby(["episode", "robot_index"], sort=True)):
-        if count == LINES_MAX:
-            break
-        colour = COLOURS[outcomes[key]]
-        ax.plot(
-            trajectory["x_m"], trajectory["y_m"], color=colour, linewidth=1.4, alpha=_opacity(len(outcomes)), zorder=4
-        )
-        ax.add_patch(
-            _circle(trajectory["x_m"].iloc[-1], trajectory["y_m"].iloc[-1], robot.radius_m, fill=False, color=colour)
-        )
+    sample = _draw_paths(ax, trajectories, outcomes, robot.radius_m)
     for start in () if world is None else world.starts:
         ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
     seen = [name for name in COLOURS if name in set(outcomes.values())]
@@ -228,7 +219,26 @@ def draw_cell(
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
-    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(episodes))
+    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample)
+
+
+def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any, str], radius_m: float) -> str:
+    """Draw paths and where they end, and return what a title says where they are only a sample."""
+    from matplotlib.collections import EllipseCollection, LineCollection
+
+    keys = trajectories[["episode", "robot_index"]].to_numpy()
+    begins = np.flatnonzero(np.diff(keys, axis=0, prepend=-1).any(axis=1))
+    paths = np.split(trajectories[["x_m", "y_m"]].to_numpy(), begins[1:])
+    shown = range(0, len(begins), -(-len(begins) // LINES_MAX) or 1)  # of a world without a layout there are none
+    colours = [COLOURS[outcomes[tuple(keys[begins[i]])]] for i in shown]
+    lines = [_sparse(paths[i], float(np.ptp(ax.get_xlim())) / COLUMNS_MAX) for i in shown]
+    opacity = max(0.15, 6.0 / max(6, len(shown)))
+    ax.add_collection(LineCollection(lines, colors=colours, linewidths=1.4, alpha=opacity, zorder=4), autolim=False)
+    ends = np.reshape([line[-1] for line in lines], (-1, 2))
+    place: dict[str, Any] = {"offsets": ends, "offset_transform": ax.transData, "units": "xy", "zorder": 3}
+    size = 2.0 * radius_m
+    ax.add_collection(EllipseCollection(size, size, 0.0, facecolors="none", edgecolors=colours, **place), autolim=False)
+    return f"\n{len(shown)} of {len(begins)} paths, taken evenly" if len(shown) < len(begins) else ""
 
 
 def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
@@ -285,14 +295,17 @@ def _corners(box: Any) -> Any:
     return half @ np.array([[cosine, sine], [-sine, cosine]]) + (box.x_m, box.y_m)
 
 
+def _sparse(points: FloatArray, width_m: float) -> FloatArray:
+    """Return a path (n, 2) without what lies in the same square, so wide [m], as the point before, but with its end."""
+    moved = np.flatnonzero(np.diff(np.floor(points / width_m), axis=0).any(axis=1))
+    kept: FloatArray = points[np.unique([0, *(moved + 1), len(points) - 1])]
+    return kept
+
+
 def _circle(x_m: float, y_m: float, radius_m: float, **style: Any) -> Any:
     from matplotlib.patches import Circle
 
     return Circle((x_m, y_m), radius_m, **{"zorder": 3, **style})
-
-
-def _opacity(lines: int) -> float:
-    return max(0.15, min(1.0, 6.0 / lines))
 
 
 def _count(outcomes: dict[Any, str], name: str) -> int:
@@ -301,11 +314,11 @@ def _count(outcomes: dict[Any, str], name: str) -> int:
 
 def _numbers(episodes: "pd.DataFrame") -> str:
     """Return time and length under a title: the only robot's own, or the means of those that reached."""
-    reached = episodes[episodes["outcome"] == "reached"]
-    if reached.empty:
+    arrived = reached(episodes)
+    if arrived.empty:
         return ""
-    mean = "" if len(episodes) == 1 else f"means of {len(reached)} of {len(episodes)}: "
-    return f"\n{mean}{reached['time_s'].mean():.2f} s, {reached['path_length_m'].mean():.3f} m"
+    mean = "" if len(episodes) == 1 else f"means of {len(arrived)} of {len(episodes)}: "
+    return f"\n{mean}{arrived['time_s'].mean():.2f} s, {arrived['path_length_m'].mean():.3f} m"
 
 
 def save_convergence(results: Results, file: Path) -> None:
@@ -346,6 +359,5 @@ def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None]
     figure.set_layout_engine(None)
     figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
     figure.set_layout_engine(layout)
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    temporary.write_bytes(content.getvalue())
-    os.replace(temporary, file)
+    with replacing(file) as temporary:
+        temporary.write_bytes(content.getvalue())

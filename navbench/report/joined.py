@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navbench.analysis.claims import COLUMNS, EVIDENCE, HYPOTHESIS_VERDICTS, VERDICTS
 from navbench.experiments.store import write_table
-from navbench.report.claims import measured_figure, printed_figure
+from navbench.report.claims import measured_figure, plain, printed_figure
 from navbench.report.document import Block, Column, Document, Heading, Lines, Paragraph, Table
 from navbench.report.markdown import render
 from navbench.validation import DescriptionError
@@ -129,7 +129,7 @@ def read_claims(file: Path) -> "pd.DataFrame":
 
 def _told(study: Found) -> list[Block]:
     claims = study.claims
-    counted = [f"{int((claims['verdict'] == verdict).sum())} {_words(verdict)}" for verdict in VERDICTS]
+    counted = [f"{int((claims['verdict'] == verdict).sum())} {plain(verdict)}" for verdict in VERDICTS]
     verdicts = f" {len(claims)} claims: {', '.join(counted)}." if len(claims) else ""
     text = f"{study.summary.strip()}{verdicts} [Report]({study.name}/report.md)"
     first = [Lines(study.findings[:FINDINGS])] if study.findings else []
@@ -146,8 +146,8 @@ def _counted(studies: Sequence[Found]) -> list[Block]:
     table = pd.concat([study.claims.assign(study=study.name) for study in with_claims])
     blocks: list[Block] = [Heading("Claims by verdict"), Paragraph(VERDICT_WORDS)]
     for column, rows in (("study", [study.name for study in with_claims]), ("evidence", list(EVIDENCE))):
-        lines = [_count(table[table[column] == row], _words(row)) for row in rows]
-        blocks.append(_table([column, *map(_words, VERDICTS), "in all"], [*lines, _count(table, "all")]))
+        lines = [_count(table[table[column] == row], plain(row)) for row in rows]
+        blocks.append(_table([column, *map(plain, VERDICTS), "in all"], [*lines, _count(table, "all")]))
     return blocks
 
 
@@ -162,7 +162,7 @@ def _refuted(studies: Sequence[Found]) -> list[Block]:
         for claim in study.claims[study.claims["verdict"] == "not_reproduced"].to_dict("records"):
             reason = claim["reason"] or f"{_off(claim)}; tolerance {claim['tolerance']}"
             words = [study.name, claim["id"], claim["statement"], printed_figure(claim), measured_figure(claim)]
-            rows.append([*words, reason, _words(claim["evidence"])])
+            rows.append([*words, reason, plain(claim["evidence"])])
     heads = ["study", "id", "statement", "printed", "measured", "reason", "evidence"]
     return [Heading("What was not reproduced"), _table(heads, rows) if rows else Paragraph("Nothing.")]
 
@@ -186,7 +186,3 @@ def _errata(studies: Sequence[Found]) -> list[Block]:
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     return Table("", [Column(head) for head in heads], rows)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

@@ -3,7 +3,19 @@
 import re
 from collections.abc import Sequence
 
-from navbench.report.document import MISSING, Block, Document, Finding, Heading, Lines, Link, Paragraph, Plot, Table
+from navbench.report.document import (
+    MISSING,
+    Block,
+    Document,
+    Finding,
+    Heading,
+    Lines,
+    Link,
+    Paragraph,
+    Plot,
+    Problem,
+    Table,
+)
 
 NUMBER = re.compile(r"[-+\[]*(\d|inf\b)")
 
@@ -37,6 +49,8 @@ def _block(block: Block) -> str:
             return f"{'#' * level} {text}\n"
         case Paragraph(text):
             return f"{text.strip()}\n"
+        case Problem(text):
+            return f"**Not made:** {text}\n"
         case Lines(lines):
             return "".join(f"- {line}\n" for line in lines)
         case Link(text, file):

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from navbench.analysis.fleets import clearances, fleets
+from navbench.analysis.fleets import fleets
 from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import reached
 from navbench.mathematics.statistics import Estimate, bootstrap_median, share
@@ -103,10 +103,9 @@ def robustness(page: Page, *, cells: Mapping[str, Select], worlds: Mapping[str, 
     rows = []
     for place, world in worlds.items():
         for title, select in cells.items():
-            robots = page.stored.select(**select, world=world)
-            kept = clearances(robots)
-            least_m = kept["clearance_m"].to_numpy()
-            shares = share(fleets(robots)["success"].to_numpy(dtype=bool)), share((kept["contacts"] == 0).to_numpy())
+            table = fleets(page.stored.select(**select, world=world))
+            least_m = table["clearance_m"].to_numpy()
+            shares = share(table["success"].to_numpy(dtype=bool)), share((table["contacts"] == 0).to_numpy())
             near: tuple[Estimate | None, float | None] = (None, None)
             if np.isfinite(least_m).all():
                 near = bootstrap_median(least_m, np.random.default_rng(RESAMPLING_SEED)), float(least_m.min())

@@ -1,11 +1,13 @@
 """What the pictures of paths share: how they are cut, and words beside places that cover nothing else."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from navbench.report.figures import PALETTE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,6 +46,25 @@ def cut(ax: "Axes", trajectories: Sequence["pd.DataFrame"], radius_m: float, squ
     ]
     ax.set(xlim=(left, right), ylim=(bottom, top))
     return float(sides[1] / sides[0])
+
+
+def draw_pieces(
+    ax: "Axes", path: "pd.DataFrame", pieces: Mapping[str, NDArray[np.bool_]], linewidth: float, zorder: float = 2.0
+) -> None:
+    """Draw a path whose pieces differ in colour.
+
+    Args:
+        ax: where to draw.
+        path: the trajectory, of n rows.
+        pieces: what each kind of piece is called, and (n,) whether a row belongs to it.
+        linewidth: of the path [points].
+        zorder: above what it lies.
+    """
+    for color, (called, holds) in zip(PALETTE, pieces.items(), strict=False):
+        shown = holds | np.append(False, holds[:-1])  # each piece reaches the beginning of the next
+        if shown.any():
+            drawn = path["x_m"].where(shown), path["y_m"].where(shown)
+            ax.plot(*drawn, color=color, linewidth=linewidth, label=called, zorder=zorder)
 
 
 def number_places(

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from navbench.analysis.stored import leaves_of
 from navbench.report.document import MISSING, Blocks, Column, Data, Paragraph
 from navbench.report.page import Page
 
@@ -23,15 +24,16 @@ def sources(page: Page) -> Blocks:
     raw = _joined([*_parts(manifest), *_tuners(manifest)])
     counts = Counter(row["source"] for row in raw)
     told = ", ".join(f"{counts[kind]} {kind}" for kind in (*KINDS, MISSING) if kind in counts)
-    rows = []
-    for row in raw:
-        value = re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", row["value"])
-        value = value if len(value) <= LONGEST else value[: LONGEST - 1] + "…"
-        rows.append(list(row.values()))
-        rows[-1][3] = value + (f" (also {row['also']})" if row["also"] else "")
-        del rows[-1][4]
+    rows = [[_shown(row) if key == "value" else row[key] for key in row if key != "also"] for row in raw]
     data = Data(list(raw[0]), [list(row.values()) for row in raw])
     return [Paragraph(f"{len(raw)} parameters by source: {told}."), page.table(COLUMNS, rows, data)]
+
+
+def _shown(row: Mapping[str, str]) -> str:
+    """Return a value as it is printed: short, with the others that it takes."""
+    value = re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", row["value"])
+    value = value if len(value) <= LONGEST else value[: LONGEST - 1] + "…"
+    return value + (f" (also {row['also']})" if row["also"] else "")
 
 
 def _parts(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
@@ -63,7 +65,7 @@ def _tuners(manifest: Mapping[str, Any]) -> Iterator[dict[str, str]]:
             seen.add((part, tuning[part]))
             values = tuning["configuration"][part]
             given = (tuning.get("sources") or {}).get(part) or {}
-            for key in _leaves(values):
+            for key in (key for key, _ in leaves_of(values) if key.rpartition(".")[2] != "_target_"):
                 source: Mapping[str, Any] = next((given[k] for k in given if key == k or key.startswith(f"{k}.")), {})
                 yield _row(part, tuning[part], key, [_value(values, key)], source)
 
@@ -81,7 +83,6 @@ def _joined(rows: Iterable[dict[str, str]]) -> list[dict[str, str]]:
 
 def _row(part: str, name: str, key: str, values: list[str], source: Mapping[str, Any]) -> dict[str, str]:
     kind = next((kind for kind in KINDS if kind in source), MISSING)
-    rest = [str(source[kind])] if kind in source else []
     return {
         "part": part,
         "name": name,
@@ -89,22 +90,13 @@ def _row(part: str, name: str, key: str, values: list[str], source: Mapping[str,
         "value": values[0],
         "also": ", ".join(values[1:]),
         "source": kind,
-        "why": "; ".join(rest),
+        "why": str(source.get(kind, "")),
         "range": json.dumps(source["range"]) if "range" in source else "",
     }
 
 
 def _is_tuned(manifest: Mapping[str, Any], key: str) -> bool:
     return any(key == f"build.{name}" for t in manifest["tunings"] for name in t["configuration"].get("tunable", {}))
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[str]:
-    for name, inner in value.items():
-        here = f"{key}.{name}" if key else str(name)
-        if isinstance(inner, dict):
-            yield from _leaves(inner, here)
-        elif name != "_target_":
-            yield here
 
 
 def _value(values: Any, key: str) -> str:

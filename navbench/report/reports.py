@@ -1,18 +1,21 @@
 """Reports of stored results: what a study found beside what its paper prints, or what some runs did; runs nothing."""
 
 import json
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from navbench.analysis.claims import check_claims, claims_of
+from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results, write_table
-from navbench.report import latex, markdown
+from navbench.report import markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
 from navbench.report.page import Page
 from navbench.report.runs import Joined, sections_of
-from navbench.report.sections import Spec, build_section, check_section, named
+from navbench.report.sections import Spec, build_section, check_section, files_of, named
 
 Each = Callable[[Callable[[Spec | str], list[Block]], Sequence[Spec | str]], Iterable[list[Block]]]
 
@@ -21,8 +24,22 @@ WHERE = ("controller", "world", "robot", "sensors", "simulator", "episodes", "se
 TUNED = ("tuning_id", "config_hash", "name", "tuner", "objective", "controller", "worlds", "seed", "budget")
 
 
-def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bool = False) -> list[Path]:
-    """Write a report of some results directories, and return the files that it consists of.
+class Written(NamedTuple):
+    """A report that was written.
+
+    Attributes:
+        files: what it consists of.
+        problems: why parts of it could not be made, a line each.
+    """
+
+    files: list[Path]
+    problems: list[str]
+
+
+def write_report(
+    runs: Sequence[Results], out: Path, each: Each = map, trust: bool = False, config_dir: str | None = None
+) -> Written:
+    """Write a report of some results directories; what of it fails is told in its place, and costs nothing else.
 
     A study that says what its report holds gets that report: ``report.md``, ``findings.json``, ``claims.csv``,
     ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other studies get one report together.
@@ -34,6 +51,7 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bo
         each: builds the sections of a study's report, which do not depend on each other: ``map``, or what does the
             same in several processes.
         trust: whether sections and measures outside navbench may be run.
+        config_dir: the folder with a study that is not navbench's own; None for what the results say.
 
     Raises:
         DescriptionError: there are no results, a study asks for what they do not hold, or names what is not trusted.
@@ -42,30 +60,30 @@ def write_report(runs: Sequence[Results], out: Path, each: Each = map, trust: bo
     studies = {r.manifest["study"]["name"]: r for r in every if (r.manifest["study"] or {}).get("report")}
     others = [stored for stored in every if stored not in studies.values()]
     if len(studies) == 1 and not others:
-        return _study(next(iter(studies.values())), out, each, trust)
-    files: list[Path] = []
-    links = []
-    for name, stored in studies.items():
-        files += _study(stored, out / name, each, trust)
-        links.append(Link(stored.manifest["study"]["title"], f"{name}/report.md"))
+        return _study(next(iter(studies.values())), out, each, trust, config_dir)
+    told = [_study(stored, out / name, each, trust, config_dir) for name, stored in studies.items()]
+    links = [Link(stored.manifest["study"]["title"], f"{name}/report.md") for name, stored in studies.items()]
     document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
-    joined = write_document(Document(document.title, [*document.blocks, *links]), out)
-    return list(dict.fromkeys([*joined, *files]))
+    files = write_document(Document(document.title, [*document.blocks, *links]), out)
+    own = Written(files, document.problems)
+    every_file = dict.fromkeys(file for written in (own, *told) for file in written.files)
+    return Written(list(every_file), [problem for written in (own, *told) for problem in written.problems])
 
 
-def _study(stored: StoredResults, out: Path, each: Each, trust: bool) -> list[Path]:
-    """Write a study's report and return its files."""
+def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir: str | None) -> Written:
+    """Write a study's report."""
     study, manifest = stored.manifest["study"], stored.manifest
+    check_claims("claims", study["claims"], trust)
     for i, spec in enumerate(study["report"]):
         check_section(f"report[{i}]", spec, trust)
     page = Page(stored, out, trust=trust)
     blocks = [block for built in each(partial(build_section, page), study["report"]) for block in built]
     errata = [item for spec in map(named, study["report"]) if spec["name"] == "errata" for item in spec["items"]]
-    document = Document(study["title"], [*blocks, *_making(manifest)], study.get("summary") or "", errata)
+    document = Document(study["title"], [*blocks, *_making(stored, config_dir)], study.get("summary") or "", errata)
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
-    return [*write_document(document, out), out / "findings.json"]
+    return Written([*write_document(document, out), out / "findings.json"], document.problems)
 
 
 def _runs(runs: Sequence[Results], out: Path) -> Document:
@@ -78,21 +96,22 @@ def _runs(runs: Sequence[Results], out: Path) -> Document:
 
 def write_document(document: Document, out: Path) -> list[Path]:
     """Write a report and its tables, and return its files; the plots are there."""
-    import pandas as pd
-
-    for table in (block for block in document.blocks if isinstance(block, Table) and block.file):
-        raw = table.raw
-        write_table(out / table.files["CSV"], pd.DataFrame(raw.rows, columns=list(raw.names)).to_csv(index=False))
-        write_table(out / table.files["LaTeX"], latex.render(table))
+    for block in document.blocks:
+        for name, text in files_of(block).items():
+            write_table(out / name, text)
     write_table(out / "report.md", markdown.render(document))
     return [out / "report.md", *(out / name for name in document.files)]
 
 
-def _making(manifest: Mapping[str, Any]) -> list[Block]:
+def _making(stored: StoredResults, config_dir: str | None) -> list[Block]:
     """Return how a study's results were made."""
-    name = manifest["study"]["name"]
+    manifest = stored.manifest
+    study = manifest["study"]
+    name, folder = study["name"], config_dir or study.get("config_dir")
+    own = f" --config-dir {shlex.quote(folder)}" if folder else ""
+    trust = " --trust" if any(map(lies_outside, _named(study))) else ""
     cells, tunings = manifest["cells"], manifest["tunings"]
-    episodes = sum({cell["run_id"]: cell["episodes"] for cell in cells}.values())
+    episodes = len(stored.rows[["run_id", "episode"]].drop_duplicates())
     seeds = _words(sorted({cell["seed"] for cell in cells}))
     tuned = ""
     if tunings:
@@ -100,13 +119,33 @@ def _making(manifest: Mapping[str, Any]) -> list[Block]:
         tuning_seeds = _words(sorted({tuning["seed"] for tuning in tunings}))
         tuned = f", and {evaluations} evaluations in {len(tunings)} tunings, seeds {tuning_seeds}"
     text = (
-        f"`navbench study {name}` runs it all and writes this report; `navbench report outputs/study/{name}` writes "
-        f"the report again from stored results, and runs nothing. Measured: {episodes} episodes in "
-        f"{len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, on {manifest['platform']}."
+        f"`navbench study {name}{own}` runs it all and writes this report; "
+        f"`navbench report outputs/study/{name}{trust}` writes the report again from stored results, and runs nothing. "
+        f"Measured: {episodes} episodes in {len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, "
+        f"on {manifest['platform']}.{_simulators(cells)}"
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}
     table = Table("", [Column(""), Column("version")], [list(pair) for pair in versions.items()])
-    return [Heading("How it was made"), Paragraph(text), Link("Manifest", "manifest.json"), table]
+    told = map(Paragraph, [text, *stored.missing])
+    return [Heading("How it was made"), *told, Link("Manifest", "manifest.json"), table]
+
+
+def _simulators(cells: Sequence[Mapping[str, Any]]) -> str:
+    """Return which simulator ran which cells, by their names, as a sentence."""
+    names = {
+        cell["simulator"]: dict.fromkeys(c["name"] for c in cells if c["simulator"] == cell["simulator"])
+        for cell in cells
+    }
+    return f" By simulator: {'; '.join(f'{one}: ' + ', '.join(of) for one, of in sorted(names.items()))}."
+
+
+def _named(study: Mapping[str, Any]) -> list[str]:
+    """Return what a study names that is run for its report: sections, measures of claims, measures in findings."""
+    sections = list(map(named, study["report"]))
+    claims = claims_of("claims", study["claims"]).values()
+    sentences = [sentence for section in sections for sentence in section.get("sentences", ())]
+    specs = [*sections, *(spec for sentence in sentences for spec in sentence.get("with", {}).values())]
+    return [*(claim.measure or "" for claim in claims), *(spec.get("name", "") for spec in specs)]
 
 
 def _words(numbers: Sequence[int]) -> str:
@@ -116,10 +155,15 @@ def _words(numbers: Sequence[int]) -> str:
 
 
 def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline."""
+    """Return a manifest without configurations (their hashes stay), times, claims and the report's outline.
+
+    Of the code of parts there is only what is not that of the last run.
+    """
     kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended")}
+    codes = {name: of for name, of in manifest.get("codes", {}).items() if not of.items() <= manifest["code"].items()}
     return {
         **kept,
+        **({"codes": codes} if "codes" in kept else {}),
         "study": {key: manifest["study"][key] for key in ("name", "title")},
         "cells": [{key: cell[key] for key in (*NAMED, *WHERE)} for cell in manifest["cells"]],
         "tunings": [{key: tuning[key] for key in TUNED} for tuning in manifest["tunings"]],

@@ -1,9 +1,9 @@
 """What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.stored import StoredResults
+from navbench.analysis.stored import StoredResults, leaves_of
 from navbench.experiments.store import Results
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class Joined(Results):
             cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
         return {
             **manifests[0],
+            "planned": {"episodes": sum(manifest["planned"]["episodes"] for manifest in manifests)},
             "cells": cells,
             "metrics": [one for manifest in manifests for one in manifest.get("metrics", [])],
             "tunings": [one for manifest in manifests for one in manifest["tunings"]],
@@ -85,41 +86,36 @@ class Joined(Results):
 
 def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
     """Return the outline of the report of runs: what there is to say of them."""
-    scenes: dict[str, set[str]] = {}
-    for cell in stored.manifest["cells"]:
-        scenes.setdefault(cell["name"], set()).add(cell["label"])
     outline: list[dict[str, Any]] = [{"name": "summary"}]
-    several = {scene: {"name": scene} for scene, labels in scenes.items() if len(labels) > 1}
+    labels = stored.episodes.groupby("name", sort=False)["label"].nunique()
+    several = {scene: {"name": scene} for scene in dict.fromkeys(stored.cells["name"]) if labels.get(scene, 0) > 1}
     if several:
         outline.append({"name": "comparison", "worlds": several})
     if stored.manifest["tunings"]:
         outline.append({"name": "tuners_compared", "title": "Tunings"})
-    return [*outline, *({"name": name} for name in ("failures", "trajectories", "metrics"))]
+    shown = ("failures", *([] if stored.episodes.empty else ["trajectories"]), "metrics")
+    return [*outline, *({"name": name} for name in shown)]
 
 
 def _halves(cell: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
     """Return the leaves of a cell's configuration: those of the scene, its simulator among them, and the rest."""
-    leaves = {key: value for key, value in _leaves(cell["configuration"]) if key != ENGINE}
-    scene = {key: value for key, value in leaves.items() if key.split(".")[0] in SCENE}
-    rest = {key: value for key, value in leaves.items() if key not in scene}
+    values = {key: value for key, value in leaves_of(cell["configuration"]) if key != ENGINE}
+    scene = {key: value for key, value in values.items() if key.split(".")[0] in SCENE}
+    rest = {key: value for key, value in values.items() if key not in scene}
     return {**scene, "simulator": cell["simulator"]}, rest
 
 
-def _told_apart(names: Sequence[str], leaves: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:
+def _told_apart(names: Sequence[str], values: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:
     """Return each name with those of its values in which things of its kind differ."""
     told = []
-    for name, mine, kind in zip(names, leaves, kinds, strict=True):
-        alike = [other for other, of in zip(leaves, kinds, strict=True) if of == kind]
-        differ = [key for key in dict.fromkeys(k for one in alike for k in one) if len({o.get(key) for o in alike}) > 1]
-        values = ", ".join(f"{key.rpartition('.')[2]}={mine[key]}" for key in differ if key in mine)
-        told.append(f"{name} ({values})" if values else name)
+    for name, mine, kind in zip(names, values, kinds, strict=True):
+        differ = differing([other for other, of in zip(values, kinds, strict=True) if of == kind])
+        own = ", ".join(f"{key.rpartition('.')[2]}={mine[key]}" for key in differ if key in mine)
+        told.append(f"{name} ({own})" if own else name)
     return told
 
 
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield a configuration's dotted keys with their values as words."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
-    else:
-        yield key, str(value)
+def differing(alike: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return the keys in which some configurations' leaves differ."""
+    every = dict.fromkeys(key for one in alike for key in one)
+    return [key for key in every if len({one.get(key) for one in alike}) > 1]

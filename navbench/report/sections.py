@@ -1,49 +1,55 @@
 """The sections that a report's outline may name by one word; others it names by their dotted names."""
 
 import inspect
-from collections.abc import Mapping, Set
+import reprlib
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
-from difflib import get_close_matches
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
-from navbench.analysis.resolving import resolve
-from navbench.report.claims import errata, findings, printed_table, verdicts
-from navbench.report.comparison import comparison
-from navbench.report.convergence import tuners_compared
-from navbench.report.crossing import crossed_tables, success_map
-from navbench.report.described import memberships, rules
-from navbench.report.document import Block, Heading, Paragraph
-from navbench.report.outcomes import fleet_table, outcomes_table, robustness
+from navbench.analysis.resolving import check_arguments, resolve
+from navbench.raised import first_line, one_line
+from navbench.report import (
+    claims,
+    comparison,
+    convergence,
+    crossing,
+    described,
+    latex,
+    markdown,
+    outcomes,
+    provenance,
+    tables,
+    trajectories,
+    wheels,
+)
+from navbench.report.claims import check_sentences, findings
+from navbench.report.document import Block, Blocks, Document, Heading, Paragraph, Problem, Table
 from navbench.report.page import Page, Section
-from navbench.report.provenance import sources
-from navbench.report.tables import failed, metrics, summary
-from navbench.report.trajectories import frames, time_series, trajectories
-from navbench.report.wheels import wheel_velocities
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 
 Spec: TypeAlias = Mapping[str, Any]
 SECTIONS: Mapping[str, Section] = {
-    "findings": findings,
-    "verdicts": verdicts,
-    "printed_table": printed_table,
-    "summary": summary,
-    "comparison": comparison,
-    "failures": failed,
-    "metrics": metrics,
-    "outcomes_table": outcomes_table,
-    "fleet_table": fleet_table,
-    "robustness": robustness,
-    "trajectories": trajectories,
-    "frames": frames,
-    "time_series": time_series,
-    "wheel_velocities": wheel_velocities,
-    "memberships": memberships,
-    "rules": rules,
-    "tuners_compared": tuners_compared,
-    "success_map": success_map,
-    "crossed_tables": crossed_tables,
-    "sources": sources,
-    "errata": errata,
+    "findings": claims.findings,
+    "verdicts": claims.verdicts,
+    "printed_table": claims.printed_table,
+    "summary": tables.summary,
+    "comparison": comparison.comparison,
+    "failures": tables.failed,
+    "metrics": tables.metrics,
+    "outcomes_table": outcomes.outcomes_table,
+    "fleet_table": outcomes.fleet_table,
+    "robustness": outcomes.robustness,
+    "trajectories": trajectories.trajectories,
+    "frames": trajectories.frames,
+    "time_series": trajectories.time_series,
+    "wheel_velocities": wheels.wheel_velocities,
+    "memberships": described.memberships,
+    "rules": described.rules,
+    "tuners_compared": convergence.tuners_compared,
+    "success_map": crossing.success_map,
+    "crossed_tables": crossing.crossed_tables,
+    "sources": provenance.sources,
+    "errata": claims.errata,
 }
 COMMON = ("title", "text", "file", "caption")
 
@@ -62,18 +68,14 @@ def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
     spec = named(spec)
     name = str(spec.get("name"))
     if "." not in name and name not in SECTIONS:
-        near = get_close_matches(name, SECTIONS, 1)
-        hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(SECTIONS)}, or module.function"
-        raise DescriptionError(f"{key}.name={name}: there is no such section; {hint}")
+        raise DescriptionError(
+            f"{key}.name={name}: there is no such section; {instead(name, SECTIONS)}, or module.function"
+        )
     section = SECTIONS.get(name) or resolve(f"{key}.name", name, "", trust=trust)
-    parameters = dict(list(inspect.signature(section).parameters.items())[1:])
-    allowed = ", ".join((*COMMON, *parameters))
-    for given in spec:
-        if given not in ("name", *COMMON, *parameters):
-            raise DescriptionError(f"{key}.{given}: unknown key; {name} takes {allowed}")
-    for needed, parameter in parameters.items():
-        if needed not in spec and parameter.default is inspect.Parameter.empty:
-            raise DescriptionError(f"{key}.{needed}: missing; {name} takes {allowed}")
+    _, *parameters = inspect.signature(section).parameters.values()
+    check_arguments(f"{key}.", name, parameters, [word for word in spec if word != "name"], COMMON)
+    if section is findings:
+        check_sentences(f"{key}.sentences", spec["sentences"], trust)
     return section
 
 
@@ -91,7 +93,7 @@ def build_section(page: Page, spec: Spec | str) -> list[Block]:
     text = [Paragraph(spec["text"])] if spec.get("text") else []
     here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
     with page.stored.noting() as noted:
-        blocks = section(here, **arguments)
+        blocks = _built(section, here, arguments, str(spec["name"]))
     return [Heading(title), *text, *_simulators(noted), *blocks]
 
 
@@ -100,3 +102,29 @@ def _simulators(noted: Set[tuple[str, str]]) -> list[Block]:
     found = {simulator: sorted(name for of, name in noted if of == simulator) for simulator, _ in sorted(noted)}
     told = [f"{simulator} ({', '.join(names)})" if len(found) > 1 else simulator for simulator, names in found.items()]
     return [Paragraph(f"Simulator: {'; '.join(told)}.")] if told else []
+
+
+def _built(section: Section, page: Page, arguments: Mapping[str, Any], name: str) -> Blocks:
+    """Return what a section returns, or where it fails, why: a user's own may raise anything, or return anything."""
+    try:
+        blocks = section(page, **arguments)
+        if isinstance(blocks, Sequence) and all(isinstance(block, get_args(Block)) for block in blocks):
+            markdown.render(Document("", blocks))
+            for block in blocks:
+                files_of(block)
+            return blocks
+        returned = f"must return a list of what stands in navbench.report.document; it returned {reprlib.repr(blocks)}"
+        return [Problem(f"section {name}: {returned}{first_line(section)}")]
+    except Exception as error:
+        return [Problem(f"section {name}: {one_line(error)}")]
+
+
+def files_of(block: Block) -> dict[str, str]:
+    """Return what the files of a table hold, by their names; of all else nothing."""
+    import pandas as pd
+
+    if not (isinstance(block, Table) and block.file):
+        return {}
+    raw = block.raw
+    csv = pd.DataFrame(raw.rows, columns=list(raw.names)).to_csv(index=False)
+    return {block.files["CSV"]: csv, block.files["LaTeX"]: latex.render(block)}

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fleets import fleets
+from navbench.analysis.stored import driven, reached
 from navbench.mathematics.statistics import wilson
 from navbench.metrics import DECLARED, Metric
 from navbench.report.document import Blocks, Column, Lines, Paragraph, Table, number
@@ -34,19 +35,20 @@ def summarize(episodes: "pd.DataFrame", metrics: Iterable[Metric] = DECLARED) ->
 
     Returns:
         Columns controller, world, robot, sensors, simulator, seed, reached of how many, collisions (the sum over all
-        robots), a mean of each metric, how many failed in each way (see ``FAILURES``); and robots
-        (how many drive together), fleets (episodes in which all reached), episodes and the mean makespan_s of those.
+        robots), a mean of each metric, how many failed by each of ``FAILURES``; and robots (how many drive together),
+        fleets (episodes in which all reached) of how many episodes, and the mean makespan_s of those. Episodes of
+        which no layout could be drawn are counted as such and nowhere else.
     """
     import pandas as pd
 
     means = [metric.name for metric in metrics if metric.averaged and metric.name in episodes]
     rows = []
     for run_id, group in episodes.groupby("run_id", sort=False):
-        reached = group[group["outcome"] == "reached"]
+        arrived = reached(group)
         row = {key: group[key].iloc[0] for key in KEYS}
-        row |= {"reached": len(reached), "of": len(group)}
+        row |= {"reached": len(arrived), "of": len(driven(group))}
         row["collisions"] = int(group["collisions"].sum())
-        row |= {name: reached[name].mean() for name in means}
+        row |= {name: arrived[name].mean() for name in means}
         row |= {name: int((group["outcome"] == name).sum()) for name in FAILURES}
         row |= _fleet_columns(group)
         rows.append({**row, "run_id": run_id})
@@ -69,10 +71,10 @@ def to_text(summary: "pd.DataFrame") -> str:
 
 def _fleet_columns(group: "pd.DataFrame") -> dict[str, object]:
     """Return what the fleets of one cell did."""
-    table = fleets(group)
+    table = fleets(driven(group))
     won = table[table["success"]]
     return {
-        "robots": int(table["robots"].max()),
+        "robots": group["robot_index"].nunique(),
         "fleets": len(won),
         "episodes": len(table),
         "makespan_s": won["makespan_s"].mean(),
@@ -88,6 +90,7 @@ def to_markdown(summary: "pd.DataFrame") -> str:
 
 def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
     """Return a line for each of the first robots that failed, or of which a metric failed: which, how and why."""
+    episodes = driven(episodes)
     failed = episodes[(episodes["outcome"] != "reached") | (episodes["reason"] != "")]
     lines = [
         f"{row['controller']} in {row['world']}, seed {row['seed']}, episode {row['episode']}, robot "
@@ -103,19 +106,22 @@ def summary(page: Page) -> Blocks:
     """Return one row a cell: who arrived, and the means of those."""
     cells = page.stored.cells.drop_duplicates("run_id")
     metrics = page.stored.metrics.values()
-    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.select(), metrics), on="run_id")
+    table = cells[["run_id", "label", "name"]].merge(summarize(page.stored.rows, metrics), on="run_id")
     held = [metric for metric in metrics if metric.name in table]
     summed = [*(metric.name for metric in held), *FAILURES, "makespan_s"]
     rows = []
     for row in table.to_dict("records"):
-        arrived = wilson(row["reached"], row["of"])
-        rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in summed)])
-    columns = [Column("world", "world"), Column("controller", "controller"), Column("seed", "seed")]
+        arrived = wilson(row["reached"], row["of"]) if row["of"] else None
+        told = [row[key] for key in ("name", "label", "simulator", "seed")]
+        rows.append([*told, arrived, arrived, *(row[name] for name in summed)])
+    columns = [Column("world", "world"), Column("controller", "controller")]
+    columns += [Column("simulator", "simulator"), Column("seed", "seed")]
     columns += [Column("reached", show="count"), Column("share", "reached", decimals=3)]
     columns += [Column(metric.title, metric.name, metric.unit) for metric in held]
     columns += [*(Column(name.replace("_", " "), name) for name in FAILURES), Column("makespan", "makespan_s", "s")]
     return [
         Paragraph("Means are over the robots that reached their goals, and over no others."),
+        *map(Paragraph, page.stored.missing),
         page.table(columns, rows),
     ]
 
@@ -131,7 +137,7 @@ def failed(page: Page, *, at_most: int = 20) -> Blocks:
 
 
 def metrics(page: Page) -> Blocks:
-    """Return what each metric is, which way is better, and who defines it so."""
+    """Return what each metric is, which direction is better, and who defines it so."""
     rows = [[m.name, m.unit, m.better, m.definition, m.source] for m in page.stored.metrics.values()]
     return [Table("", [Column(title) for title in ("metric", "unit", "better", "definition", "source")], rows)]
 

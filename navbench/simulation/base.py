@@ -18,11 +18,8 @@ from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.contacts import Contacts, Event
 from navbench.simulation.motion import (
-    BOX,
     COLLIDED,
-    DISC,
     FIXED,
-    POLYGON,
     ROBOT,
     STOPPED,
     Pipeline,
@@ -35,13 +32,14 @@ from navbench.simulation.motion import (
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.rays import Rays
 from navbench.simulation.scene import Scene
+from navbench.simulation.touching import BOX, CELL, DISC, POLYGON
 from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
 
 _BEGUN = (
     *("x_m", "y_m", "heading_rad", "arc_x_m", "arc_y_m", "arc_heading_rad"),
-    *("goal_x_m", "goal_y_m", "held_m", "running"),
+    *("goal_x_m", "goal_y_m", "running"),
 )
 
 
@@ -141,7 +139,7 @@ class Simulator(ABC):
         self.scene = scene = Scene(layout)
         self.robots = np.zeros(count, ROBOT)
         for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
-            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, math.nan, 1)
+            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, 1)
         self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
         self.pipeline = (
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
@@ -150,7 +148,7 @@ class Simulator(ABC):
         self.running = count
         self.build()
         self._is_placed = False
-        measure_clearance(self.robots, scene.boxes, scene.discs, scene.polygons, self.robot.radius_m)
+        measure_clearance(self.robots, scene.arrays, self.robot.radius_m)
         self.robots["min_clearance_m"] = self.robots["clearance_m"]
 
     def states(self) -> list[RobotState]:
@@ -172,8 +170,8 @@ class Simulator(ABC):
     @property
     def touching(self) -> list[bool]:
         """Whether each robot touches something that it hit."""
-        held: list[bool] = (~np.isnan(self.robots["held_m"])).tolist()
-        return held
+        touches: list[bool] = self.robots["touches"].astype(bool).tolist()
+        return touches
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
@@ -187,6 +185,8 @@ class Simulator(ABC):
         if least_m > rays.reach_m:
             return self._unobstructed.copy()
         asked = rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
+        if len(scene.grid[0]):
+            asked = [list(range(len(rays.table))) if running else [] for running in self.robots["running"].tolist()]
         if not any(asked):
             return self._unobstructed.copy()
         if not self._is_placed:
@@ -258,6 +258,8 @@ class Simulator(ABC):
         if kind == BOX:
             walls_from = len(layout.boxes)
             return Thing("box", row) if row < walls_from else Thing("wall", row - walls_from)
+        if kind == CELL:
+            return Thing("cell", row)
         if kind not in (DISC, POLYGON):
             return Thing("robot", row)
         still = len(layout.discs) if kind == DISC else len(layout.polygons)
@@ -279,4 +281,4 @@ class Simulator(ABC):
                 others = np.empty((len(self.robots) - 1, 5))
                 other_robots(self.robots, i, self.robot.radius_m, others)
                 discs = np.concatenate([scene.discs, others])
-                self.rays.blind_inside_things(ranges[i], robot, scene.boxes, discs, scene.polygons)
+                self.rays.blind_inside_things(ranges[i], robot, scene.boxes, discs, scene.polygons, scene.grid)

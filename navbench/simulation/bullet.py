@@ -59,6 +59,7 @@ Triple = tuple[float, float, float]
 BATCH_MAX = 8192  # rays; of 16384 at once PyBullet silently returns nothing
 _FRACTION = itemgetter(2)  # of a hit: what share of its ray is free
 _BODIES = itemgetter(1, 2, 8)  # of a contact point: the two bodies and how far they are apart
+SEEN, UNSEEN = (1, -1), (1, 0)  # what group of bodies one is in, and which groups it meets: rays are in the first
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
 GREY, BLUE, ORANGE = (0.5, 0.5, 0.5, 1.0), (0.1, 0.4, 0.8, 1.0), (0.9, 0.5, 0.1, 1.0)
 
@@ -85,6 +86,9 @@ class BulletSimulator(Simulator):
         self.scale = 2.0 ** math.ceil(math.log2(4.0 / robot.radius_m))
         self.begins, self.ends = self._scaled_rays("begin"), self._scaled_rays("end")
         self.bodies: list[int] = []
+        self._corners: list[list[float]] = []  # see _add_polygon
+        self._vertices: list[list[float]] = []
+        self._indices: list[int] = []
         with _silent(1):
             self.client: int = pybullet.connect(pybullet.GUI if options.gui else pybullet.DIRECT)
         if self.client < 0:
@@ -105,12 +109,16 @@ class BulletSimulator(Simulator):
         self._things: dict[int, Thing] = {}
         # for spheres, of which PyBullet would make visual shapes of triangles, which takes longer than the bodies
         self._unseen = pybullet.createVisualShape(
-            pybullet.GEOM_BOX, halfExtents=[1.0, 1.0, 1.0], physicsClientId=self.client
+            pybullet.GEOM_BOX, halfExtents=(1.0, 1.0, 1.0), physicsClientId=self.client
         )
         for i, box in enumerate(world.solids()):
             walls_from = len(world.boxes)
             thing = Thing("box", i) if i < walls_from else Thing("wall", i - walls_from)
             self._add_box(thing, box.x_m, box.y_m, box.length_m, box.width_m, box.heading_rad)
+        for i, (x, y, half_length, half_width, _, _) in enumerate(
+            world.grid.rectangles().tolist() if world.grid else ()
+        ):
+            self._add_box(Thing("cell", i), x, y, 2.0 * half_length, 2.0 * half_width, 0.0)
         for i, disc in enumerate(world.discs):
             self._add_round(Thing("disc", i), disc.x_m, disc.y_m, disc.radius_m, 0.0, GREY)
         for i in range(len(world.polygons)):
@@ -143,12 +151,17 @@ class BulletSimulator(Simulator):
         """Return what share of each of these rays of a robot is free."""
         if len(rays) > BATCH_MAX:
             return self.cast(index, rays[:BATCH_MAX]) + self.cast(index, rays[BATCH_MAX:])
+        own = self.bodies[index]
+        if self.rays.cross_hull:
+            pybullet.setCollisionFilterGroupMask(own, -1, *UNSEEN, physicsClientId=self.client)
         hits = pybullet.rayTestBatch(
             list(map(self.begins.__getitem__, rays)),
             list(map(self.ends.__getitem__, rays)),
-            parentObjectUniqueId=self.bodies[index],
+            parentObjectUniqueId=own,
             physicsClientId=self.client,
         )
+        if self.rays.cross_hull:
+            pybullet.setCollisionFilterGroupMask(own, -1, *SEEN, physicsClientId=self.client)
         return list(map(_FRACTION, hits))
 
     def touches(self) -> list[tuple[Thing, Thing]]:
@@ -189,11 +202,16 @@ class BulletSimulator(Simulator):
         return self._add(thing, shape, visual, mass, x_m, y_m)
 
     def _add_polygon(self, thing: Thing, row: FloatArray) -> int:
+        """Add a polygon by lists that are always the same ones, because PyBullet never lets go of a mesh's."""
         vertices, indices = prism(row * self.scale, WALL_HEIGHT_RADII * self.robot.radius_m * self.scale)
+        self._corners += [[] for _ in vertices[len(self._corners) :]]
+        self._vertices[:], self._indices[:] = self._corners[: len(vertices)], indices
+        for corner, vertex in zip(self._vertices, vertices, strict=True):
+            corner[:] = vertex
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
-            vertices=vertices,
-            indices=indices,
+            vertices=self._vertices,
+            indices=self._indices,
             flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,  # exact for rays; as a hull it would carry a margin
             physicsClientId=self.client,
         )

@@ -1,10 +1,4 @@
-"""One control period of all robots, compiled: wheels, arcs, and the instants of arrival and contact.
-
-Between two changes of its wheels' speeds a robot moves along one arc. On it the distance to anything convex that stands
-or moves in a straight line is bounded from below by a parabola: it is convex in the robot's place, and the place has a
-known acceleration. The parabola's root is an instant before which nothing can be touched; stepping from root to root
-comes to the first contact, or past the nearest point, in a few steps.
-"""
+"""One control period of all robots, compiled: wheels, arcs, and the instants of arrival and contact."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,24 +7,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled
-from navbench.mathematics.geometry import box_gap, distance_to_nearest, polygon_gap, wrap_angle
-from navbench.mathematics.kinematics import advance_arc, lag_speed, ramp_speed
+from navbench.mathematics.geometry import distance_to_nearest, wrap_angle
+from navbench.mathematics.kinematics import lag_speed, ramp_speed
+from navbench.simulation.touching import (
+    BOX,
+    CELL,
+    DISC,
+    GOAL,
+    LINE,
+    NONE,
+    POLYGON,
+    ROBOT_KIND,
+    TURN_S,
+    first_touch,
+    pose_at,
+    velocities,
+)
+from navbench.world.grid import FreeArray, nearest_cell
 from navbench.world.shapes import place_movers, time_to_turn
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 RobotArray = NDArray[np.void]
 Movers = tuple[FloatArray, FloatArray]  # as ``mover_tables`` returns them
-Scenery = tuple[FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers]  # see ``Scene.arrays``
+Scenery = tuple[  # see ``Scene.arrays``
+    FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers, FreeArray, FloatArray
+]  # fmt: skip
 Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Drive.arrays``
 
 SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something may have moved this far
-TOUCH_RADII = 1e-12  # what is nearer touches
 ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
-TURN_S = 1e-9  # movers that turn within this have turned
-STEPS_MAX = 100  # of the search for one contact, of which ten are many
 
-NONE, BOX, DISC, POLYGON, ROBOT_KIND, GOAL = range(6)  # what may be met
 RUNNING, REACHED, COLLIDED, STOPPED = range(4)  # what may have become of a robot
 
 
@@ -54,14 +61,14 @@ class RobotState(NamedTuple):
         arc_x_m: where its present arc begins [m].
         arc_y_m: where that is [m].
         arc_heading_rad: where it looked there.
-        arc_s: for how long it has followed the arc [s].
+        arc_t_s: when that was [s].
         left_mean_mps: the left wheel's mean speed on the arc [m/s].
         right_mean_mps: the right wheel's.
-        held_m: the clearance at which a contact holds it [m], nan for none.
         end_s: when it ended [s].
         running: whether it has no outcome yet.
         outcome: ``RUNNING``, ``REACHED``, ``COLLIDED`` or ``STOPPED``.
         is_held: whether it stands until the present substep ends, because it hit something.
+        touches: whether it touches something that it hit.
         hit: of what kind the last thing is that it hit, ``NONE`` for none.
         hit_index: its row in the scene's arrays, or its number among the robots.
         contacts: how often it touched something.
@@ -85,14 +92,14 @@ class RobotState(NamedTuple):
     arc_x_m: float
     arc_y_m: float
     arc_heading_rad: float
-    arc_s: float
+    arc_t_s: float
     left_mean_mps: float
     right_mean_mps: float
-    held_m: float
     end_s: float
     running: int
     outcome: int
     is_held: int
+    touches: int
     hit: int
     hit_index: int
     contacts: int
@@ -148,7 +155,7 @@ def advance(
         robots[i].left_travel_m, robots[i].right_travel_m = 0.0, 0.0
     if fixed[0].delay_s == 0.0:
         in_force[:] = issued
-        _drive(robots, in_force, scenery, fixed[0], t_s, dt_s)
+        _drive(robots, in_force, scenery, fixed[0], t_s, t_s + dt_s)
     else:
         flight_s[flying[0]] = t_s + fixed[0].delay_s
         flight[flying[0]] = issued
@@ -156,11 +163,11 @@ def advance(
         begin, landed = t_s, 0
         while landed < flying[0] and flight_s[landed] < t_s + dt_s - 1e-12:
             if flight_s[landed] > begin:
-                _drive(robots, in_force, scenery, fixed[0], begin, flight_s[landed] - begin)
+                _drive(robots, in_force, scenery, fixed[0], begin, flight_s[landed])
                 begin = flight_s[landed]
             in_force[:] = flight[landed]
             landed += 1
-        _drive(robots, in_force, scenery, fixed[0], begin, t_s + dt_s - begin)
+        _drive(robots, in_force, scenery, fixed[0], begin, t_s + dt_s)
         flying[0] -= landed
         for k in range(flying[0]):
             flight_s[k], flight[k] = flight_s[k + landed], flight[k + landed]
@@ -171,9 +178,7 @@ def advance(
 
 
 @compiled
-def _drive(
-    robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, duration_s: float
-) -> None:
+def _drive(robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, end_s: float) -> None:
     """Move everything while one command is in force for each robot, (n, 2) wheel speeds [m/s]."""
     fastest = fixed.fastest_mover_mps
     for i in range(robots.shape[0]):
@@ -181,294 +186,181 @@ def _drive(
             left = max(abs(robots[i].left_mps), abs(targets[i, 0]))
             right = max(abs(robots[i].right_mps), abs(targets[i, 1]))
             fastest = max(fastest, 0.5 * (left + right))
-    substeps = max(1, math.ceil(fastest * duration_s / (SUBSTEP_RADII * fixed.radius_m) - 1e-9))
-    h = duration_s / substeps
+    substeps = max(1, math.ceil(fastest * (end_s - t_s) / (SUBSTEP_RADII * fixed.radius_m) - 1e-9))
+    h, begin = (end_s - t_s) / substeps, t_s
     for k in range(substeps):
         for i in range(robots.shape[0]):
             if robots[i].running:
-                _begin_arc(robots[i], targets[i, 0], targets[i, 1], fixed, h)
-        _substep(robots, scenery, fixed, t_s + k * h, h, fastest)
+                _begin_arc(robots[i], targets[i, 0], targets[i, 1], fixed, begin, h)
+        end = t_s + (k + 1) * h if k + 1 < substeps else end_s
+        _substep(robots, scenery, fixed, begin, end, fastest)
+        begin = end
 
 
 @compiled
-def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, h: float) -> None:
+def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, t_s: float, h: float) -> None:
     """Turn the wheels of a robot for a substep: its arc goes on where their mean speeds are those of before."""
     left, robot.left_mps = _wheel(robot.left_mps, left_target, fixed, h)
     right, robot.right_mps = _wheel(robot.right_mps, right_target, fixed, h)
     if left != robot.left_mean_mps or right != robot.right_mean_mps or robot.is_held:
-        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, robot.arc_s = robot.x_m, robot.y_m, robot.heading_rad, 0.0
+        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, robot.arc_t_s = (
+            robot.x_m,
+            robot.y_m,
+            robot.heading_rad,
+            t_s,
+        )
     robot.left_mean_mps, robot.right_mean_mps, robot.is_held = left, right, 0
 
 
 @compiled
-def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, h: float, fastest_mps: float) -> None:
+def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, end_s: float, fastest_mps: float) -> None:
     """Move everything through one substep, from event to event."""
-    boxes, discs, polygons, _, round_movers, outlined_movers = scenery
+    discs, polygons, round_movers, outlined_movers = scenery[1], scenery[2], scenery[4], scenery[5]
     moves = fixed.fastest_mover_mps > 0.0
-    begin = 0.0
-    while begin < h:
-        end = h
+    now = t_s
+    while now < end_s:
+        until = end_s
         if moves:
-            turn = min(time_to_turn(t_s + begin, *round_movers), time_to_turn(t_s + begin, *outlined_movers))
-            end = min(h, begin + max(turn, TURN_S))
-        when, who, kind, what = _first_event(robots, scenery, fixed, begin, end, fastest_mps)
-        begin = min(when, end)
+            turn = min(time_to_turn(now, *round_movers), time_to_turn(now, *outlined_movers))
+            until = min(end_s, now + max(turn, TURN_S))
+        when, who, kind, what = _first_event(robots, scenery, fixed, now, until, end_s - t_s, fastest_mps)
+        now = min(when, until)
         if moves:
-            place_movers(t_s + begin, *round_movers, discs)
-            place_movers(t_s + begin, *outlined_movers, polygons)
+            place_movers(now, *round_movers, discs)
+            place_movers(now, *outlined_movers, polygons)
         if kind != NONE:
-            _pose_all(robots, begin, fixed)
-            measure_clearance(robots, boxes, discs, polygons, fixed.radius_m)
-            _meet(robots, who, kind, what, t_s, begin, fixed)
+            _pose_all(robots, now, fixed)
+            measure_clearance(robots, scenery, fixed.radius_m)
+            _meet(robots[who], kind, what, t_s, now, fixed)
             if kind == ROBOT_KIND and robots[what].running and not robots[what].is_held:
-                _meet(robots, what, ROBOT_KIND, who, t_s, begin, fixed)
-    _pose_all(robots, h, fixed)
-    measure_clearance(robots, boxes, discs, polygons, fixed.radius_m)
+                _meet(robots[what], ROBOT_KIND, who, t_s, now, fixed)
+    _pose_all(robots, end_s, fixed)
+    measure_clearance(robots, scenery, fixed.radius_m)
     for i in range(robots.shape[0]):
         robot = robots[i]
         if robot.running:
             robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
-            if robot.is_held:
-                robot.held_m = max(robot.held_m, robot.clearance_m)
-            else:
-                _count(robot, h, fixed.track_m)
-                robot.arc_s += h
-                if robot.clearance_m > max(robot.held_m, 0.0) + ROUNDING_RADII * fixed.radius_m:
-                    robot.held_m = math.nan
+            robot.touches &= robot.clearance_m <= ROUNDING_RADII * fixed.radius_m
+            if not robot.is_held:
+                _count(robot, end_s - t_s, fixed.track_m)
 
 
 @compiled
-def _meet(robots: RobotArray, who: int, kind: int, what: int, t_s: float, since_s: float, fixed: Any) -> None:
-    """Let one robot, posed where it is at an instant of a substep, arrive or touch something."""
-    robot = robots[who]
-    _count(robot, since_s, fixed.track_m)
+def _meet(robot: Any, kind: int, what: int, begin_s: float, t_s: float, fixed: Any) -> None:
+    """Let a robot, posed where it is at an instant of the substep that began then, arrive or touch something."""
+    _count(robot, t_s - begin_s, fixed.track_m)
     if kind != GOAL:
-        if math.isnan(robot.held_m):
+        if not robot.touches:
             robot.contacts += 1
             robot.robot_contacts += kind == ROBOT_KIND
             robot.standing_contacts += robot.left_mean_mps == 0.0 and robot.right_mean_mps == 0.0
-        robot.hit, robot.hit_index = kind, what
-        robot.held_m = robot.clearance_m if math.isnan(robot.held_m) else max(robot.held_m, robot.clearance_m)
+        robot.touches, robot.hit, robot.hit_index = 1, kind, what
         if fixed.blocks:
             robot.is_held, robot.left_mps, robot.right_mps = 1, 0.0, 0.0
             return
     robot.min_clearance_m = min(robot.min_clearance_m, robot.clearance_m)
     robot.outcome = REACHED if kind == GOAL else COLLIDED
-    robot.running, robot.end_s = 0, t_s + since_s
+    robot.running, robot.end_s = 0, t_s
 
 
 @compiled
-def _pose_all(robots: RobotArray, since_s: float, fixed: Any) -> None:
+def _pose_all(robots: RobotArray, t_s: float, fixed: Any) -> None:
     """Put every robot that moves where it is at an instant of the substep."""
     for i in range(robots.shape[0]):
         if robots[i].running and not robots[i].is_held:
             robot = robots[i]
-            robot.x_m, robot.y_m, heading = _pose(robot, since_s, fixed.track_m)
+            robot.x_m, robot.y_m, heading = pose_at(robot, t_s, fixed.track_m)
             robot.heading_rad = wrap_angle(heading)
 
 
 @compiled
-def _velocities(robot: Any, track_m: float) -> tuple[float, float]:
-    """Return a moving robot's speed [m/s] and turning rate [rad/s] on its arc."""
-    left, right = robot.left_mean_mps, robot.right_mean_mps
-    return 0.5 * (left + right), (right - left) / track_m
-
-
-@compiled
-def _pose(robot: Any, since_s: float, track_m: float) -> tuple[float, float, float]:
-    """Return where a moving robot is at an instant of the substep."""
-    v, w = _velocities(robot, track_m)
-    pose: tuple[float, float, float] = advance_arc(
-        robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + since_s
-    )
-    return pose
-
-
-@compiled
 def _first_event(
-    robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, fastest_mps: float
+    robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, span_s: float, fastest_mps: float
 ) -> tuple[float, int, int, int]:
-    """Return the first event between two instants of a substep: when, whose, of what kind, and with what.
+    """Return the first event between two instants of a substep of this length: when, whose, of what kind, with what.
 
     Contact beats arrival at the same instant; otherwise the first robot and the first thing of the scene count.
     """
-    boxes, discs, polygons, line, _, _ = scenery
+    boxes, discs, polygons, line, _, _, free, place = scenery
     first, who, kind, what = math.inf, -1, NONE, -1
-    limit = end
+    limit, near = end, fixed.radius_m * (1.0 + ROUNDING_RADII)
     for i in range(robots.shape[0]):
         robot = robots[i]
-        if not robot.running:
-            continue
-        v = 0.0 if robot.is_held else 0.5 * abs(robot.left_mean_mps + robot.right_mean_mps)
+        v = abs(velocities(robot, fixed.track_m)[0])
+        far = near + (v + fastest_mps) * span_s
         # the clearance is that of the substep's beginning or of an event in it
-        if robot.clearance_m <= (v + fastest_mps) * end + fixed.radius_m * ROUNDING_RADII and not robot.is_held:
-            for k in range(boxes.shape[0]):
-                when = _contact(robot, fixed, begin, limit, BOX, boxes, k, fixed.radius_m)
-                if when < first:
-                    first, limit, who, kind, what = when, when, i, BOX, k
-            for k in range(discs.shape[0]):
-                when = _contact(robot, fixed, begin, limit, DISC, discs, k, fixed.radius_m)
+        if not robot.running or robot.is_held or robot.clearance_m > far - fixed.radius_m:
+            continue
+        for k in range(boxes.shape[0]):
+            when = first_touch(robot, robot, fixed, begin, limit, BOX, boxes, k)
+            if when < first:
+                first, limit, who, kind, what = when, when, i, BOX, k
+        for k in range(discs.shape[0]):
+            if math.hypot(robot.x_m - discs[k, 0], robot.y_m - discs[k, 1]) - discs[k, 2] <= far:
+                when = first_touch(robot, robot, fixed, begin, limit, DISC, discs, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, DISC, k
-            for k in range(polygons.shape[0]):
-                when = _contact(robot, fixed, begin, limit, POLYGON, polygons, k, fixed.radius_m)
+        for k in range(polygons.shape[0]):
+            if math.hypot(robot.x_m - polygons[k, 0], robot.y_m - polygons[k, 1]) - polygons[k, 2] <= far:
+                when = first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
-            for k in range(robots.shape[0]):
-                if k < i and robots[k].running and not robots[k].is_held or k == i:
-                    continue  # a pair of two that move is looked at once
-                when = _encounter(robot, robots[k], fixed, begin, limit)
+        if free.shape[0]:
+            cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
+            low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[0])
+            low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[1])
+            for row in range(low_row, high_row):
+                for column in range(low_column, high_column):
+                    if free[row, column] == 0:
+                        cell[0, 0] = place[0] + place[2] * (column + 0.5)
+                        cell[0, 1] = place[1] + place[2] * (row + 0.5)
+                        when = first_touch(robot, robot, fixed, begin, limit, BOX, cell, 0)
+                        if when < first:
+                            first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
+        for k in range(robots.shape[0]):
+            other = robots[k]
+            if k < i and other.running and not other.is_held or k == i:
+                continue  # a pair of two that move is looked at once
+            if math.hypot(robot.x_m - other.x_m, robot.y_m - other.y_m) - fixed.radius_m <= far:
+                when = first_touch(robot, other, fixed, begin, limit, ROBOT_KIND, boxes, -1)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, ROBOT_KIND, k
     for i in range(robots.shape[0]):
         robot = robots[i]
-        if robot.running and not robot.is_held:
-            when = math.inf
-            if line.shape[0]:
-                when = _contact(robot, fixed, begin, limit, GOAL, line, 0, 0.0)
-            else:
-                when = _arrival(robot, fixed, begin, limit)
-            if when < first:
-                first, limit, who, kind, what = when, when, i, GOAL, -1
+        if not robot.running or robot.is_held:
+            continue
+        when = math.inf
+        if line.shape[0]:
+            when = first_touch(robot, robot, fixed, begin, limit, LINE, line, 0)
+        elif math.hypot(robot.x_m - robot.goal_x_m, robot.y_m - robot.goal_y_m) - fixed.goal_tolerance_m <= near:
+            when = first_touch(robot, robot, fixed, begin, limit, GOAL, boxes, -1)
+        if when < first:
+            first, limit, who, kind, what = when, when, i, GOAL, -1
     return first, who, kind, what
 
 
 @compiled
-def _step(gap: float, rate: float, bend: float) -> float:
-    """Return for how long gap + rate t - bend t^2 / 2 stays positive, for a positive gap; infinite for ever."""
-    falls = math.sqrt(rate * rate + 2.0 * bend * gap) - rate
-    return 2.0 * gap / falls if falls > 0.0 else math.inf
+def _cells(at: float, reach: float, begin: float, side: float, count: int) -> tuple[int, int]:
+    """Return the first cell along an axis that comes within reach of a place, and the one after the last."""
+    first, last = math.floor((at - reach - begin) / side), math.floor((at + reach - begin) / side)
+    return max(int(first), 0), min(int(last) + 1, count)
 
 
 @compiled
-def _leave(rate: float, bend: float) -> float:
-    """Return for how long rate t - bend t^2 / 2 stays positive; infinite for ever."""
-    return 2.0 * rate / bend if bend > 0.0 else math.inf
-
-
-@compiled
-def _contact(
-    robot: Any, fixed: Any, begin: float, end: float, kind: int, things: FloatArray, k: int, radius_m: float
-) -> float:
-    """Return when between two instants of a substep a robot first touches a thing, infinite for never.
-
-    A robot that touches already and does not come nearer does not touch anew; a line is crossed wherever it stands.
-
-    Args:
-        robot: of ``ROBOT``.
-        fixed: of ``FIXED``.
-        begin: the first instant, at which the thing is where its row says [s].
-        end: the last one [s].
-        kind: ``BOX``, ``DISC``, ``POLYGON``, or ``GOAL`` for a finish line.
-        things: its rows.
-        k: its row.
-        radius_m: how near is touching [m].
-    """
-    v, w = _velocities(robot, fixed.track_m)
-    ux, uy = 0.0, 0.0
-    if kind == DISC or kind == POLYGON:
-        ux, uy = things[k, 3], things[k, 4]
-        if (
-            math.hypot(robot.x_m - things[k, 0], robot.y_m - things[k, 1]) - things[k, 2] - radius_m
-            > 2.0 * (abs(v) + math.hypot(ux, uy)) * end + fixed.radius_m
-        ):
-            return math.inf
-    bend, touch, t = abs(v * w), TOUCH_RADII * fixed.radius_m, begin
-    for _ in range(STEPS_MAX):
-        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
-        x, y = x - ux * (t - begin), y - uy * (t - begin)
-        if kind == DISC:
-            dx, dy = x - things[k, 0], y - things[k, 1]
-            away = max(math.hypot(dx, dy), 1e-300)
-            gap, nx, ny = away - things[k, 2], dx / away, dy / away
-        elif kind == POLYGON:
-            gap, nx, ny = polygon_gap(x, y, things, k)
-        else:
-            gap, nx, ny = box_gap(x, y, things, k)
-        gap -= radius_m
-        rate = nx * (v * math.cos(heading) - ux) + ny * (v * math.sin(heading) - uy)
-        if gap > touch:
-            t += _step(gap, rate, bend)
-        elif rate < 0.0 or kind == GOAL:
-            return t
-        else:
-            t += max(_leave(rate, bend), TURN_S)
-        if t > end:
-            return math.inf
-    return t
-
-
-@compiled
-def _arrival(robot: Any, fixed: Any, begin: float, end: float) -> float:
-    """Return when between two instants of a substep a robot's centre comes near enough to its goal, or infinity."""
-    v, w = _velocities(robot, fixed.track_m)
-    near = fixed.goal_tolerance_m
-    if math.hypot(robot.x_m - robot.goal_x_m, robot.y_m - robot.goal_y_m) > near + 2.0 * abs(v) * end:
-        return math.inf
-    bend, touch, t = abs(v * w), TOUCH_RADII * fixed.radius_m, begin
-    for _ in range(STEPS_MAX):
-        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
-        dx, dy = x - robot.goal_x_m, y - robot.goal_y_m
-        away = math.hypot(dx, dy)
-        if away <= near + touch:
-            return t
-        t += _step(away - near, v * (dx * math.cos(heading) + dy * math.sin(heading)) / away, bend)
-        if t > end:
-            return math.inf
-    return t
-
-
-@compiled
-def _encounter(robot: Any, other: Any, fixed: Any, begin: float, end: float) -> float:
-    """Return when between two instants of a substep a moving robot first touches another one, or infinity."""
-    size, touch = 2.0 * fixed.radius_m, TOUCH_RADII * fixed.radius_m
-    v, w = _velocities(robot, fixed.track_m)
-    ov, ow = 0.0, 0.0
-    if other.running and not other.is_held:
-        ov, ow = _velocities(other, fixed.track_m)
-    if math.hypot(robot.x_m - other.x_m, robot.y_m - other.y_m) - size > 2.0 * (abs(v) + abs(ov)) * end + touch:
-        return math.inf
-    bend, t = abs(v * w) + abs(ov * ow), begin
-    ox, oy, o_heading = other.x_m, other.y_m, other.heading_rad
-    for _ in range(STEPS_MAX):
-        x, y, heading = advance_arc(robot.arc_x_m, robot.arc_y_m, robot.arc_heading_rad, v, w, robot.arc_s + t)
-        if other.running and not other.is_held:
-            ox, oy, o_heading = advance_arc(
-                other.arc_x_m, other.arc_y_m, other.arc_heading_rad, ov, ow, other.arc_s + t
-            )
-        dx, dy = x - ox, y - oy
-        away = math.hypot(dx, dy)
-        vx = v * math.cos(heading) - ov * math.cos(o_heading)
-        vy = v * math.sin(heading) - ov * math.sin(o_heading)
-        rate = (dx * vx + dy * vy) / max(away, 1e-300)
-        if away - size > touch:
-            t += _step(away - size, rate, bend)
-        elif rate < 0.0:
-            return t
-        else:
-            t += max(_leave(rate, bend), TURN_S)
-        if t > end:
-            return math.inf
-    return t
-
-
-@compiled
-def measure_clearance(
-    robots: RobotArray, boxes: FloatArray, discs: FloatArray, polygons: FloatArray, radius_m: float
-) -> float:
-    """Write every running robot's present clearance, and return the least of all [m]."""
-    least = math.inf
+def measure_clearance(robots: RobotArray, scenery: Scenery, radius_m: float) -> None:
+    """Write every running robot's present clearance."""
+    boxes, discs, polygons, free, place = scenery[0], scenery[1], scenery[2], scenery[6], scenery[7]
     for i in range(robots.shape[0]):
         robot = robots[i]
         if not robot.running:
             continue
         nearest = distance_to_nearest(robot.x_m, robot.y_m, boxes, discs, polygons)
+        nearest = min(nearest, nearest_cell(robot.x_m, robot.y_m, free, place))
         for j in range(robots.shape[0]):
             if j != i:
-                nearest = min(nearest, math.hypot(robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m) - radius_m)
+                dx, dy = robot.x_m - robots[j].x_m, robot.y_m - robots[j].y_m
+                nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - radius_m)
         robot.clearance_m = nearest - radius_m
-        least = min(least, robot.clearance_m)
-    return least
 
 
 @compiled

@@ -15,7 +15,7 @@ class SimulatorOptions:
         gui: open a window, where the simulator has one, and run in real time.
         drive: "ideal": no slip, within the robot's wheel-speed and acceleration limits; "limited": the same behind a
             motor lag and a command delay.
-        on_collision: "end": a robot that hits ends; "block": it is held at its last free pose and counted.
+        on_collision: "end": a robot that hits ends; "block": it is held where it hit and counted.
         motor_lag_s: time constant of each wheel's first-order lag, used by "limited" [s].
         command_delay_s: how long a command takes to reach the wheels, used by "limited" [s].
     """

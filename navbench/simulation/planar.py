@@ -9,6 +9,7 @@ from navbench.compiled import compiled, compiled_for_vectors
 from navbench.mathematics.geometry import box_gap
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import Scenery
+from navbench.world.grid import ray_to_cell
 
 FloatArray = NDArray[np.float64]
 RobotArray = NDArray[np.void]
@@ -95,7 +96,7 @@ def cast(
 
     A ray hits at once what it begins in, and never its own robot. It is infinite where nothing within reach is hit.
     """
-    boxes, discs, polygons = scenery[0], scenery[1], scenery[2]
+    boxes, discs, polygons, grid, place = scenery[0], scenery[1], scenery[2], scenery[6], scenery[7]
     x, y, heading, far = robots[index].x_m, robots[index].y_m, robots[index].heading_rad, reach_m + radius_m
     cosine, sine = math.cos(heading), math.sin(heading)
     ax, ay, ux, uy, free, low, high = beams[AX], beams[AY], beams[UX], beams[UY], beams[FREE], beams[LOW], beams[HIGH]
@@ -116,6 +117,9 @@ def cast(
     for k in range(polygons.shape[0]):
         if _is_within(x, y, polygons[k, 0], polygons[k, 1], far + polygons[k, 2]):
             _stop_at_polygon(ax, ay, ux, uy, free, low, high, polygons[k])
+    if grid.shape[0]:
+        for k in range(rays.shape[0]):
+            free[k] = min(free[k], ray_to_cell(ax[k], ay[k], ux[k], uy[k], rays[k].length_m, grid, place))
     for k in range(robots.shape[0]):
         if k != index and _is_within(x, y, robots[k].x_m, robots[k].y_m, far + radius_m):
             _stop_at_circle(ax, ay, ux, uy, free, robots[k].x_m, robots[k].y_m, radius_m)

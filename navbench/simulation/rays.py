@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from navbench.compiled import compiled
 from navbench.mathematics.geometry import box_gap, distance_to_nearest
 from navbench.sensors import Sensors
+from navbench.world.grid import FreeArray, nearest_cell
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -41,9 +42,11 @@ class Rays:
         unobstructed: what each sensor reads where nothing is seen [m].
         reach_m: what is further from the hull is hit by no ray [m].
         exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
+        cross_hull: whether a ray comes from outside the hull and through it, or nearly; no ray sees its own robot.
     """
 
     def __init__(self, sensors: Sensors, radius_m: float) -> None:
+        self.cross_hull = False
         rays: list[tuple[float, ...]] = []
         reach, exposed = 0.0, 0.0
         self.unobstructed = np.array([float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()])
@@ -55,6 +58,8 @@ class Rays:
                 away = math.hypot(mount.x_m, mount.y_m)
                 if back == 0.0 and away > radius_m:
                     exposed = max(exposed, away)
+                    aside = abs(mount.x_m * sine - mount.y_m * cosine)
+                    self.cross_hull |= aside <= (1.0 + HAIR_RADII) * radius_m
                 reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
                 begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
@@ -92,7 +97,13 @@ class Rays:
         return readings
 
     def blind_inside_things(
-        self, ranges: FloatArray, robot: np.void, boxes: FloatArray, discs: FloatArray, polygons: FloatArray
+        self,
+        ranges: FloatArray,
+        robot: np.void,
+        boxes: FloatArray,
+        discs: FloatArray,
+        polygons: FloatArray,
+        grid: tuple[FreeArray, FloatArray],
     ) -> None:
         """Set to 0, in place, a robot's readings of sensors with a ray that begins inside something: it hits nothing.
 
@@ -102,9 +113,10 @@ class Rays:
             boxes: as above.
             discs: as above, and the other robots.
             polygons: as above.
+            grid: as ``Scene.grid``.
         """
         pose = robot["x_m"], robot["y_m"], robot["heading_rad"]
-        _blind_inside_things(ranges, self.table, *pose, boxes, discs, polygons)
+        _blind_inside_things(ranges, self.table, *pose, boxes, discs, polygons, *grid)
 
 
 def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:
@@ -295,10 +307,13 @@ def _blind_inside_things(
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
+    free: FreeArray,
+    place: FloatArray,
 ) -> None:
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
     for k in range(rays.shape[0]):
         px = x_m + cosine * rays[k].begin_x_m - sine * rays[k].begin_y_m
         py = y_m + sine * rays[k].begin_x_m + cosine * rays[k].begin_y_m
-        if distance_to_nearest(px, py, boxes, discs, polygons) <= 0.0:
+        nearest = min(distance_to_nearest(px, py, boxes, discs, polygons), nearest_cell(px, py, free, place))
+        if nearest <= 0.0:
             ranges[rays[k].sensor] = 0.0

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.mathematics.geometry import distance_to_nearest
+from navbench.world.grid import NO_GRID, nearest_cell
 from navbench.world.layout import Layout
 from navbench.world.shapes import mover_tables, place_movers
 
@@ -19,6 +20,7 @@ class Scene:
         discs: (m, 5) as in ``Layout.disc_rows``, changed in place.
         polygons: (l, 5 + 2 k) as in ``Layout.polygon_rows``, changed in place.
         finish_line: (1, 6) as a box without width, or (0, 6) for none.
+        grid: as ``Grid.arrays``, (0, 0) without one.
         arrays: all of these and the movers' tables, round and outlined ones, as compiled functions take them.
         fastest_mps: the largest speed of any mover [m/s].
     """
@@ -30,8 +32,10 @@ class Scene:
         self.fastest_mps = layout.fastest_mps
         self._round_tables = mover_tables(layout.round_movers())
         self._outlined_tables = mover_tables(layout.outlined_movers())
+        self.grid = NO_GRID if layout.grid is None else layout.grid.arrays()
         self.arrays = (
-            self.boxes, self.discs, self.polygons, self.finish_line, self._round_tables, self._outlined_tables
+            self.boxes, self.discs, self.polygons, self.finish_line, self._round_tables, self._outlined_tables,
+            *self.grid,
         )  # fmt: skip
 
     def move_to(self, t_s: float) -> None:
@@ -55,4 +59,5 @@ class Scene:
 
     def distance(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the nearest thing [m], infinite where there is none."""
-        return distance_to_nearest(x_m, y_m, self.boxes, self.discs, self.polygons)
+        nearest: float = distance_to_nearest(x_m, y_m, self.boxes, self.discs, self.polygons)
+        return min(nearest, nearest_cell(x_m, y_m, *self.grid))

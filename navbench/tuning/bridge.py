@@ -87,7 +87,7 @@ class De:
 
 
 class _Closed(BaseException):
-    """Unwinds the minimiser once its generator is closed; no ``except Exception`` on the way may stop it."""
+    """Unwinds the minimiser once its generator is closed; no ``except Exception`` in between may stop it."""
 
 
 def points_of(minimise: Callable[[Objective], object]) -> Generator[FloatArray, FloatArray, None]:

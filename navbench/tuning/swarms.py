@@ -37,7 +37,7 @@ Left open, and decided here:
   no brighter one, the random term alone moves it, the brightest included. alpha shrinks by ``damping`` a generation.
   A firefly outside the cube after its last move is clipped.
 - Particles. The paper prints no equations and cites Lai et al. (2013); this is the usual swarm with an inertia weight
-  and a global best (Shi and Eberhart 1998). First velocities are half the way to another random point, and a particle
+  and a global best (Shi and Eberhart 1998). First velocities lead halfway to another random point, and a particle
   that leaves the cube is clipped and loses its velocity across that side, both as in Clerc's standard swarm of 2007.
   Velocities have no other limit.
 """

@@ -14,6 +14,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.mathematics.geometry import distance_to_nearest, segment_crossing
 from navbench.validation import STRICT, DescriptionError, Number, Positive
+from navbench.world.grid import NO_GRID, Grid, nearest_cell
 from navbench.world.shapes import (
     Bounds,
     Box,
@@ -75,6 +76,7 @@ class Layout:
         starts: one a robot; a ``Pose`` or a tuple of x and y [m] will do.
         goals: one a robot; a tuple of x and y [m] will do.
         finish_line: where there is one, arrival is crossing it, and the goals lie at least 1 m beyond.
+        grid: an occupancy grid.
 
     Raises:
         DescriptionError: starts and goals do not match, or something lies outside the bounds or inside an obstacle.
@@ -89,6 +91,7 @@ class Layout:
     starts: tuple[Annotated[Start, BeforeValidator(_start)], ...] = ()
     goals: tuple[Annotated[Point, BeforeValidator(_point)], ...] = ()
     finish_line: FinishLine | None = None
+    grid: Grid | None = None
 
     def __post_init__(self) -> None:
         """Check what no single value shows: counts, bounds, goals inside obstacles, the finish line."""
@@ -113,7 +116,7 @@ class Layout:
                 raise DescriptionError(f"polygons[{i}]: must lie {inside}")
         obstacles = self.box_rows(), self.disc_rows(), self.polygon_rows()
         for i, goal in enumerate(self.goals):
-            if distance_to_nearest(goal.x_m, goal.y_m, *obstacles) < 0.0:
+            if self._away(goal, *obstacles) < 0.0:
                 raise DescriptionError(f"goals[{i}]: ({goal.x_m}, {goal.y_m}) must lie outside every obstacle")
         if self.finish_line is not None:
             self._check_finish_line(self.finish_line)
@@ -149,7 +152,7 @@ class Layout:
         obstacles = self.box_rows(), self.disc_rows(), self.polygon_rows()
         for i, start in enumerate(self.starts):
             place = f"starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than"
-            if distance_to_nearest(start.x_m, start.y_m, *obstacles) <= radius_m:
+            if self._away(start, *obstacles) <= radius_m:
                 raise DescriptionError(f"{place} the robot's radius {radius_m} m from an obstacle")
             if any(math.hypot(start.x_m - o.x_m, start.y_m - o.y_m) <= 2.0 * radius_m for o in self.starts[:i]):
                 raise DescriptionError(f"{place} two radii of the robot, {2.0 * radius_m} m, from another start")
@@ -157,12 +160,18 @@ class Layout:
             return
         still = obstacles[0], obstacles[1][: len(self.discs)], obstacles[2][: len(self.polygons)]
         for i, goal in enumerate(self.goals):
-            away = distance_to_nearest(goal.x_m, goal.y_m, *still)
+            away = self._away(goal, *still)
             if away + goal_tolerance_m < radius_m:
                 raise DescriptionError(
                     f"goals[{i}]: ({goal.x_m}, {goal.y_m}) lies {away:.3g} m from an obstacle, where a robot of radius "
                     f"{radius_m} m cannot come nearer to it than goal_tolerance_m={goal_tolerance_m}"
                 )
+
+    def _away(self, place: Start | Point, boxes: FloatArray, discs: FloatArray, polygons: FloatArray) -> float:
+        """Return the signed distance from a place to the nearest of these obstacles or of the grid's cells [m]."""
+        nearest: float = distance_to_nearest(place.x_m, place.y_m, boxes, discs, polygons)
+        cells = NO_GRID if self.grid is None else self.grid.arrays()
+        return min(nearest, nearest_cell(place.x_m, place.y_m, *cells))
 
     def start_heading_rad(self, index: int) -> float:
         """Return a start's heading [rad]: its own, or the direction of its goal."""

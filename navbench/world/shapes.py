@@ -88,20 +88,20 @@ class Polygon:
     corners: tuple[Point, ...]
 
     def __post_init__(self) -> None:
-        """Check that the corners turn one way, all round."""
+        """Check that the corners turn in one direction, all round."""
         check_convex("corners", self.corners)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class Mover:
-    """A disc or a polygon that drives along way-points and yields to nobody: its place is a function of time.
+    """A disc or a polygon that drives along waypoints and yields to nobody: its place is a function of time.
 
     Attributes:
         radius_m: radius [m]; of a polygon, of the circle around its centre that holds it.
         waypoints: the points it visits, in order, from the first one at time 0.
         speeds_mps: one speed a leg [m/s]. n points have n - 1 legs back and forth, or n legs in a cycle.
         cyclic: from the last point on to the first one; otherwise it turns round and comes back, each leg at its speed.
-        phase_s: how far along its way it is at time 0 [s].
+        phase_s: how far along its path it is at time 0 [s].
         outline: for a polygon, its convex corners, seen from its centre, which they hold; it drives without turning.
     """
 
@@ -170,7 +170,7 @@ def check_convex(key: str, corners: Sequence[Point]) -> None:
     """Check that corners are those of a convex polygon.
 
     Raises:
-        DescriptionError: they are fewer than three, or do not turn one way, once round.
+        DescriptionError: they are fewer than three, or do not turn in one direction, once round.
     """
     if len(corners) < 3:
         raise DescriptionError(f"{key}: at least 3 are needed, got {len(corners)}")
@@ -210,7 +210,7 @@ def place_movers(t_s: float, phases: FloatArray, legs: FloatArray, discs: FloatA
 
     Args:
         t_s: time since the episode began [s].
-        phases: (n,) how far along its way each mover is at time 0 [s].
+        phases: (n,) how far along its path each mover is at time 0 [s].
         legs: (m, 7) mover, begin [s], end [s], x, y [m], vx, vy [m/s], sorted by mover and time.
         discs: (k, 5 or more) x, y, radius, vx, vy with the movers last; changed in place.
     """

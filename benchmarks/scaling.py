@@ -1,0 +1,74 @@
+"""How times grow with robots, obstacles, episodes and workers."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.field import Field
+from benchmarks.harness import Cell, Effort, Side, Table, median, rates
+from navbench.cli.configuration import compose_cell
+from navbench.episode.loop import EpisodeRunner
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
+
+SIZES = {"robots": (1, 3, 10, 30, 100), "discs": (10, 100, 1000, 10000), "episodes": (10, 100, 1000, 10000)}
+
+
+def runs(runner: EpisodeRunner, episodes: int = 1) -> Side:
+    """Return a function that runs some episodes, and counts them as one."""
+
+    def run() -> int:
+        for episode in range(episodes):
+            runner.run(episode)
+        return 1
+
+    return run
+
+
+def of_kind(kind: str, simulator: str, effort: Effort, on: ExitStack) -> dict[str, Side]:
+    """Return what to time for each size."""
+    sides = {}
+    for size in SIZES[kind][: 2 if effort.is_quick else None]:
+        field = Field(size if kind == "robots" else 1, size if kind == "discs" else 10)
+        runner = field.runner(simulator, steps=5 if kind == "episodes" else effort.cut(200), on=on)
+        sides[str(size)] = runs(runner, size if kind == "episodes" else 1)
+    return sides
+
+
+def scaling(effort: Effort) -> Table:
+    """Measure times over sizes, and the exponent: the slope of log time on log size."""
+    rows: list[tuple[Cell, ...]] = []
+    for kind in SIZES:
+        for simulator in ("pybullet", "planar"):
+            with ExitStack() as on:
+                found = rates(of_kind(kind, simulator, effort, on), effort)
+            sizes, times = np.log([float(size) for size in found]), -np.log(np.array(list(found.values())))
+            slopes = [float(np.polyfit(sizes, column, 1)[0]) for column in times.T]
+            spans = ", ".join(f"{size}: {1e3 / np.median(found[size]):.3g}" for size in found)
+            rows.append((f"{kind}, {simulator}", spans, median(slopes)))
+    text = "One robot and 10 discs but for what grows; episodes of 200 control periods, and of 5 where they are many."
+    return Table("Scaling", text, ("", "CPU ms by size", "exponent"), rows)
+
+
+def workers(effort: Effort) -> Table:
+    """Measure a run in one process and in two, on the clock on the wall."""
+    cell = compose_cell("controller=oa_to", "world=random_movers", f"episodes={effort.cut(400, 4)}")
+
+    def by(count: int) -> Callable[[], float]:
+        def run() -> float:
+            with tempfile.TemporaryDirectory() as folder:
+                return run_plan(Plan(cells=(cell,)), Path(folder), count).finished
+
+        return run
+
+    found = rates({"1": by(1), "2": by(2)}, effort, time.perf_counter)
+    rows: list[tuple[Cell, ...]] = [
+        (name, float(np.median(one)), median([a / b for a, b in zip(one, found["1"], strict=True)]))
+        for name, one in found.items()
+    ]
+    text = "oa_to in random_movers, results kept, on the clock on the wall, the processes' start included."
+    return Table("Workers", text, ("workers", "episodes a second", "ratio to one"), rows)

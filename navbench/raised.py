@@ -1,0 +1,49 @@
+"""What is said of an exception of a user's own code: one line, with the place in their own file."""
+
+import sysconfig
+import traceback
+from pathlib import Path
+from textwrap import shorten
+
+from navbench.validation import DescriptionError
+
+PACKAGE = Path(__file__).parent
+REASON_MAX = 160  # characters
+LINE_MAX = 60  # characters of a source line
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an exception says, shortened, and where it was raised, as ``own_line`` does."""
+    kind = "" if isinstance(error, DescriptionError) else f"{type(error).__name__}: "
+    text = " ".join(f"{kind}{error}".split())
+    return (text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "...") + own_line(error)
+
+
+def own_line(error: BaseException) -> str:
+    """Return the last line outside libraries and framework that an exception came through, in brackets, or nothing."""
+    own = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not (is_framework(frame.filename) or _is_library(frame.filename))
+    ]
+    if not own:
+        return ""
+    text = shorten(own[-1].line or "", LINE_MAX, placeholder=" ...")
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno}: {text})"
+
+
+def first_line(function: object) -> str:
+    """Return where a function begins, in brackets, or nothing where it is not of Python."""
+    code = getattr(function, "__code__", None)
+    return f" ({Path(code.co_filename).name}, line {code.co_firstlineno})" if code else ""
+
+
+def is_framework(file: str) -> bool:
+    """Return whether a file is navbench's, but no controller's."""
+    path = Path(file)
+    return path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).parts[0] != "controllers"
+
+
+def _is_library(file: str) -> bool:
+    packages = {"site-packages", "dist-packages"} & set(Path(file).parts)
+    return bool(packages) or file.startswith(("<", sysconfig.get_path("stdlib")))
