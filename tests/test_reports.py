@@ -24,7 +24,7 @@ from navbench.records import CellKey, RobotRecord
 from navbench.report import latex, markdown
 from navbench.report.claims import findings, printed_table
 from navbench.report.comparison import comparison
-from navbench.report.document import Column, Document, Finding, Table, number, words
+from navbench.report.document import Column, Document, Finding, Paragraph, Table, number, words
 from navbench.report.figures import PALETTE, styles, thinned
 from navbench.report.outcomes import outcomes_table
 from navbench.report.page import Page
@@ -674,3 +674,18 @@ def test_the_described_surface_is_odd_in_w_and_even_in_v(described: dict[str, di
     at_18 = surface.iloc[(surface["phi_rad"] - math.radians(18.0)).abs().argmin()]
     assert at_18["w_radps"] == pytest.approx(1.2, abs=1e-3)
     assert at_18["v_mps"] == pytest.approx(0.1111, abs=1e-3)
+
+
+def test_each_section_says_which_simulator_made_its_numbers(tmp_path: Path) -> None:
+    here, there = a_cell("A"), a_cell("B", name="fair")
+    planar = there._replace(names=there.names._replace(simulator="planar"))
+    stored = store(tmp_path / "kept", [(here, [a_record()]), (planar, [a_record()])])
+    worlds = {"world": "plain"}
+    for cells, line in (
+        ({"A": {"label": "A"}}, "Simulator: ideal."),
+        ({"A": {"label": "A"}, "B": {"label": "B"}}, "Simulator: ideal (printed); planar (fair)."),
+    ):
+        blocks = build_section(Page(stored, tmp_path), {"name": "outcomes_table", "cells": cells, "worlds": worlds})
+        assert blocks[1] == Paragraph(line)
+    metrics = build_section(Page(stored, tmp_path), {"name": "metrics"})
+    assert not any("Simulator" in str(block) for block in metrics)

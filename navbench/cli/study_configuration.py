@@ -27,17 +27,9 @@ Words = tuple[str, ...]
 
 TUNER = ("population", "generations(space, rng)")
 REPAIR = ("__call__(values)",)
-OF_A_TUNING = (
-    "tuner",
-    "objective",
-    "budget",
-    "name",
-    "world",
-    "worlds",
-    "verify",
-    "workers",
-    "hydra",
-)  # not of its cells
+OF_A_TUNING = (  # not of its cells
+    *("tuner", "objective", "budget", "name", "world", "worlds", "verify", "workers", "hydra"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)

@@ -11,19 +11,10 @@ from navbench.experiments.cells import leaves_below
 from navbench.experiments.store import write_table
 from navbench.experiments.tunings import Tuning
 
-TOLD = (
-    "controller",
-    "tuner",
-    "objective",
-    "world",
-    "worlds",
-    "budget",
-    "seed",
-    "name",
-    "workers",
-    "simulator",
-    "verify",
-)  # or of no matter
+TOLD = (  # in other words, or of no matter
+    *("controller", "tuner", "objective", "simulator", "world", "worlds"),
+    *("budget", "seed", "name", "workers", "verify"),
+)
 
 
 def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, overrides: Sequence[str] = ()) -> Path:
