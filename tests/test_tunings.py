@@ -353,11 +353,13 @@ def test_the_file_of_a_tuned_controller_has_a_whole_number_as_one(folder: Path) 
     [
         ("low: 1,", "low: 0.5,", "controller.tunable.pause.low=0.5: must be a whole number, or integer: false"),
         ("linear}", "linear, integer: 1}", "controller.tunable.pause.integer=1: must be true or false"),
-        ("pause: 3", "pause: 7", "controller.build.pause=7: must be between 1 and 6"),
+        ("pause: 3", "pause: 7", "controller.build.pause=7: must be a whole number between 1 and 6"),
+        ("pause: 3", "pause: 2.5", "controller.build.pause=2.5: must be a whole number between 1 and 6"),
     ],
 )
 def test_wrong_bounds_of_a_whole_number_are_refused(there: str, wrong: str, message: str, folder: Path) -> None:
-    (folder / "conf/controller/pausing.yaml").write_text(PAUSING.replace(there, wrong))
+    text = PAUSING.replace(there, wrong).replace("linear}", "linear, integer: true}")
+    (folder / "conf/controller/pausing.yaml").write_text(text)
     with pytest.raises(DescriptionError) as refused:
         compose_tuning(["controller=pausing", "tuner=random"], str(folder / "conf"))
     assert str(refused.value).startswith(message)

@@ -55,6 +55,5 @@ def _started(whole: Side, name: str, value: Any) -> Side:
     try:
         return replace(whole, name=name, start=value)
     except ValueError:
-        raise DescriptionError(
-            f"{place}: must be between {whole.low!r} and {whole.high!r}, the bounds of controller.tunable.{whole.name}"
-        ) from None
+        allowed = f"{'a whole number ' if whole.integer else ''}between {whole.low!r} and {whole.high!r}"
+        raise DescriptionError(f"{place}: must be {allowed}, the bounds of controller.tunable.{whole.name}") from None

@@ -35,25 +35,22 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
     least = best.pivot(index="seed", columns="name", values="cost")[list(tunings)]
     ranking = friedman(least.to_numpy()) if len(tunings) > 2 and len(least) > 1 else None
     checks = page.stored.checks
-    again = [pair for pair in zip(checks["kind"], checks["simulator"], strict=True) if pair[0] != "searched"]
-    again = list(dict.fromkeys(again))
+    costs = checks.groupby(["kind", "simulator", "name"], sort=False)["cost"]
+    again = dict.fromkeys((kind, simulator) for kind, simulator, _ in costs.groups if kind != "searched")
     entries = []
     for i, (name, label) in enumerate(tunings.items()):
         mine = best[best["name"] == name]
         found = [median_and_range(mine[x].to_numpy(dtype=float)) for x in ("cost", *parameters)]
         rank = ranking.mean_ranks[i] if ranking else None
-        checked = [
-            checks[(checks["name"] == name) & (checks["kind"] == kind) & (checks["simulator"] == simulator)]["cost"]
-            for kind, simulator in again
-        ]
-        costs = [median_and_range(one.to_numpy()) if len(one) else None for one in checked]
+        keys = [(*pair, name) for pair in again]
+        checked = [median_and_range(costs.get_group(k).to_numpy()) if k in costs.groups else None for k in keys]
         count = len(rows[rows["name"] == name]) // len(mine)
-        entries.append([label, len(mine), count, found[0], *costs, rank, *found[1:]])
+        entries.append([label, len(mine), count, found[0], rank, *checked, *found[1:]])
     columns = [Column("", "label"), Column("seeds", "seeds"), Column("evaluations", "budget")]
-    searched = checks[checks["kind"] == "searched"]["simulator"].iloc[0]
+    searched = " and ".join(sorted({simulator for kind, simulator, _ in costs.groups if kind == "searched"}))
     columns += [Column(f"least cost searched ({searched})", "cost", decimals=5)]
-    columns += [Column(f"{kind} ({of})", f"{kind}_{of}", decimals=5) for kind, of in again]
     columns += [Column("mean rank", "mean_rank", decimals=1)]
+    columns += [Column(f"{kind} ({of})", f"{kind}_{of}", decimals=5) for kind, of in again]
     columns += [Column(name, name) for name in parameters]
     kept = best[["name", "seed", "evaluation", "cost", *parameters]].sort_values(["name", "seed"])
     every = Table(

@@ -132,7 +132,7 @@ def failed(page: Page, *, at_most: int = 20) -> Blocks:
     Args:
         at_most: how many.
     """
-    rows = page.stored.select().drop_duplicates(["run_id", "episode", "robot_index"])
+    rows = page.stored.episodes.drop_duplicates(["run_id", "episode", "robot_index"])
     return [Lines(failures(rows.assign(controller=rows["label"]), at_most) or ["No robot failed."])]
 
 

@@ -59,6 +59,8 @@ class Dimension:
             raise ValueError(f"{self.name}.high={self.high!r}: must be a finite distance above low={self.low!r}")
         if self.start is not None:
             self.unit_at(self.start)
+            if self.integer and self.start != int(self.start):
+                raise ValueError(f"{self.name}.start={self.start!r}: must be a whole number")
 
     @property
     def levels(self) -> int:
