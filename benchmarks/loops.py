@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
+from typing import Any
 
 import pybullet
 
@@ -42,7 +43,7 @@ def bare_loop(runner: EpisodeRunner) -> Side:
         ]
         for body, record in zip(simulator.bodies, records, strict=True)
     ]
-    steps: list[list[tuple[int, tuple[float, ...], tuple[float, ...]]]] = [[] for _ in max(poses, key=len)]
+    steps: list[list[Any]] = [[] for _ in max(poses, key=len)]
     for k, *pose in sum(poses, []):
         steps[k].append((pose[0], pose[1], pose[2]))
 

@@ -108,7 +108,7 @@ def scikit_fuzzy(inference: FuzzyInference, points: list[dict[str, float]]) -> S
     from skfuzzy import control, trapmf, trimf
 
     def described(kind: Any, name: str, variable: Variable) -> Any:
-        axis = kind(np.linspace(variable.low, variable.high, inference.samples + 1), name)
+        axis = kind(np.linspace(variable.low, variable.high, 201), name)
         for term_name, term in variable.terms.items():
             axis[term_name] = (trimf if term.shape == "triangle" else trapmf)(axis.universe, term.points)
         return axis

@@ -3,6 +3,7 @@
 import functools
 import pickle
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,9 @@ from navbench.episode.similarity import native_setup
 from navbench.experiments.cells import Cell
 from navbench.policy import CompiledController
 from navbench.records import RobotRecord
+from navbench.simulation.base import Simulator
+from navbench.simulation.bullet import BulletSimulator
+from navbench.simulation.planar import PlanarSimulator
 
 CONF = Path(__file__).parents[1] / "conf"
 DESCRIBED = (*GROUPS, "tuner", "objective")
@@ -94,10 +98,13 @@ def test_every_parameter_carries_its_source(group: str, name: str) -> None:
         assert all(value or kind == "seed" for kind, value in source.items()), key
 
 
+@pytest.mark.parametrize("simulator", [BulletSimulator, PlanarSimulator])
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_every_controller_drives_in_every_world(cell: CellOf, controller: str, world: str) -> None:
-    chosen = cell(controller, world)
+def test_every_controller_drives_in_every_world(
+    cell: CellOf, controller: str, world: str, simulator: type[Simulator]
+) -> None:
+    chosen = replace(cell(controller, world), simulator=simulator)
     with chosen.runner() as runner:
         records = runner.run(0)
     for record in records:

@@ -5,7 +5,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from benchmarks.conformance import (
     place_at,
     ranges_at,
 )
-from navbench.cli.catalogue import files_of
+from navbench.cli.catalogue import CONF, files_of
 from navbench.cli.composing import Composer, composing
 from navbench.cli.configuration import cell_of, compose_cell
 from navbench.contract import Command, Observation, Pose, Setup
@@ -35,7 +34,6 @@ from navbench.simulation.planar import PlanarSimulator
 from navbench.simulation.scene import Scene
 from navbench.world.layout import Layout
 
-CONF = Path(__file__).parents[1] / "conf"
 WORLDS = list(files_of("world", [CONF]))
 LOOKS = 2  # layouts, times and poses for each world and suite
 USUAL_RADII, MOST_RADII = 1e-3, 0.05  # what 99 of 100 ranges differ by, and what all do
@@ -167,7 +165,7 @@ def free_in_between(bullet: BulletSimulator, episode: Episode, radius_m: float) 
     layout, looks = episode[0].layout, 0
     assert layout is not None
     last = max(len(record.states) for record in episode) - 1
-    for k in range(0, last, max(last // 8, 1)):
+    for k in range(0, last, max(last // 5, 1)):
         rows = [record.states[min(k, len(record.states) - 1)] for record in episode]
         pairs = touched(bullet, layout, [Pose(*row[1:4].tolist()) for row in rows], float(max(row[0] for row in rows)))
         free = bullet.robots["clearance_m"] > HAIR * radius_m
@@ -189,14 +187,14 @@ def test_contacts_in_runs_are_those_that_pybullet_finds(composer: Composer) -> N
                 looks += free_in_between(bullet, episode, cell.robot.radius_m)
     assert set(hits) == {"box", "disc", "mover", "polygon", "robot", "wall"}
     assert hits.total() > 50
-    assert looks > 300
+    assert looks > 200
 
 
 def test_whole_episodes_agree_as_far_as_pybullet_agrees_with_itself() -> None:
-    calm = [compare("sflc", "random_movers", 8), compare("multi_agent", "nemeiksis_wall", 8)]
-    switching = [compare("oa_to", world, 4) for world in ("lei_corner", "deadlock")]
+    calm = [compare("sflc", "random_movers", 6), compare("multi_agent", "nemeiksis_wall", 6)]
+    switching = [compare("oa_to", world, 3) for world in ("lei_corner", "deadlock")]
     assert judged(calm + switching)[2]
-    assert np.mean([agrees for one in calm for agrees in one.planar_agrees]) > 0.8
+    assert np.mean([agrees for one in calm for agrees in one.planar_agrees]) > 0.7
     assert any(one.differences for one in switching)  # else this is no test of what switches
     for one in (difference for comparison in switching for difference in comparison.differences):
         assert one.t_s > 0.0

@@ -1,25 +1,36 @@
-"""The planar simulator beside independent truth: shapely's polygons, and the quadratic formula of a circle."""
+"""The planar simulator beside independent truth, shapely and the formula of a circle; and the same bytes every time."""
 
 import math
+import os
+import pickle
+import subprocess
+import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pytest
 import shapely
-from scenes import RADII, a_robot
+from scenes import RADII, a_robot, same
 from shapely.geometry import LineString
 from shapely.geometry import Point as Place
 from shapes import Block, Round, Shape, Shard, clutter, shapes_of
 
-from benchmarks.conformance import ranges_at
+from benchmarks.conformance import perturbed, ranges_at
+from navbench.cli.configuration import compose_cell
 from navbench.contract import Pose
+from navbench.experiments.cells import Batch, Cell, Records, run_batch
+from navbench.experiments.engines import in_processes
+from navbench.records import RobotRecord
 from navbench.sensors import Mount, Sensors
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.planar import PlanarSimulator
 
 EXACT_RADII = 1e-9
 ROBOTS = 3
-Solid = Round | shapely.Polygon
+Solid: TypeAlias = "Round | shapely.Polygon"
 
 
 def solid(shape: Shape) -> Solid:
@@ -39,7 +50,7 @@ def away(thing: Solid, p: complex) -> float:
     if isinstance(thing, Round):
         return thing.away(p)
     place = Place(p.real, p.imag)
-    return -thing.exterior.distance(place) if thing.contains(place) else thing.distance(place)
+    return float(-thing.exterior.distance(place) if thing.contains(place) else thing.distance(place))
 
 
 def free(thing: Solid, begin: complex, along: complex, reach: float) -> float:
@@ -50,7 +61,7 @@ def free(thing: Solid, begin: complex, along: complex, reach: float) -> float:
         return thing.hit(begin, along)
     end = begin + reach * along
     hit = LineString([(begin.real, begin.imag), (end.real, end.imag)]).intersection(thing)
-    return math.inf if hit.is_empty else hit.distance(Place(begin.real, begin.imag))
+    return math.inf if hit.is_empty else float(hit.distance(Place(begin.real, begin.imag)))
 
 
 def truth(sensors: Sensors, pose: Pose, radius_m: float, things: Sequence[Solid]) -> list[float]:
@@ -121,3 +132,63 @@ def test_the_truth_agrees_with_shapes_of_known_distance() -> None:
     assert (away(square, 0j), away(square, 2 + 0j)) == (1.0, -0.5)
     assert (free(square, 0j, 1 + 0j, 5.0), free(square, 0j, 1j, 5.0)) == (1.0, math.inf)
     assert free(Round(3 + 0j, 1.0), 0j, 1 + 0j, 5.0) == 2.0
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    """Three robots among everything, with noise and randomly perturbed starts."""
+    cell = compose_cell("controller=oa_to", "world=random_movers", "world.time_limit_s=40.0", "episodes=6")
+    return replace(perturbed(cell), simulator=PlanarSimulator)
+
+
+Episodes = dict[int, list[RobotRecord]]
+
+
+def by_episode(records: Records) -> Episodes:
+    """Return the records of each episode, by robot."""
+    return {k: [record for episode, record in records if episode == k] for k in sorted({k for k, _ in records})}
+
+
+@pytest.fixture(scope="module")
+def once(cell: Cell) -> Episodes:
+    return by_episode(run_batch(Batch(cell, cell.indices)))
+
+
+def assert_same(one: Episodes, other: Episodes) -> None:
+    """Check that the same episodes were run, and gave the same bytes."""
+    assert one.keys() == other.keys()
+    for k, records in one.items():
+        assert all(same(*pair) for pair in zip(records, other[k], strict=True))
+
+
+def test_repeats_give_the_same_bytes_and_other_seeds_others(cell: Cell, once: Episodes) -> None:
+    assert_same(by_episode(run_batch(Batch(cell, cell.indices))), once)
+    others = by_episode(run_batch(Batch(replace(cell, seed=1), cell.indices)))
+    assert not any(same(others[k][0], once[k][0]) for k in once)
+    assert len({record.outcome for records in once.values() for record in records}) > 1
+
+
+@pytest.mark.parametrize("order", [(5, 4, 3, 2, 1, 0), (3, 0, 3, 5, 1, 4, 2)])
+def test_the_order_of_episodes_does_not_matter(cell: Cell, once: Episodes, order: tuple[int, ...]) -> None:
+    with cell.runner() as runner:
+        assert_same({k: runner.run(k) for k in order}, {k: once[k] for k in order})
+
+
+@pytest.mark.parametrize("size", [1, 4])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_neither_batches_nor_workers_matter(cell: Cell, once: Episodes, size: int, workers: int) -> None:
+    batches = [Batch(cell, cell.indices[k : k + size]) for k in range(0, cell.episodes, size)]
+    done = in_processes(run_batch, batches, workers=workers)
+    assert_same(by_episode([pair for records in done for pair in records]), once)
+
+
+def test_another_process_gives_the_same_bytes(cell: Cell, once: Episodes, tmp_path: Path) -> None:
+    (tmp_path / "cell").write_bytes(pickle.dumps(cell))
+    program = (
+        "import pickle, sys; from pathlib import Path; from navbench.experiments.cells import Batch, run_batch\n"
+        "folder = Path(sys.argv[1]); cell = pickle.loads((folder / 'cell').read_bytes())\n"
+        "(folder / 'records').write_bytes(pickle.dumps(run_batch(Batch(cell, range(2)))))\n"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    subprocess.run([sys.executable, "-c", program, str(tmp_path)], env=environment, check=True)
+    assert_same(by_episode(pickle.loads((tmp_path / "records").read_bytes())), {k: once[k] for k in range(2)})

@@ -3,9 +3,8 @@
 import math
 from typing import Any
 
-import numba
 import numpy as np
-from numba import types
+from numba import typeof, types
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
@@ -149,7 +148,7 @@ class _Loop:
             self._steps.add(step)
         if self._close is None:
             loop: Any = close
-            loop.compile((_types.FunctionType(SIGNATURE), *map(numba.typeof, arguments)))
+            loop.compile((_types.FunctionType(SIGNATURE), *map(typeof, arguments)))
             loop.disable_compile()
             (overload,) = loop.overloads.values()
             self._close = overload.entry_point  # the types of arguments are always those, and not looked up again

@@ -7,7 +7,7 @@ An engine adds only what a robot's rays hit: ``build``, ``place`` and ``cast`` o
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ class Simulator(ABC):
         self.rays = Rays(sensors, robot.radius_m)
         self.robots = np.zeros(0, ROBOT)
 
-    def __enter__(self) -> "Simulator":
+    def __enter__(self) -> Self:
         """Return the simulator itself."""
         return self
 

@@ -176,8 +176,8 @@ def ray_to_cell(ax: float, ay: float, ux: float, uy: float, far_m: float, free: 
         out_y = ((high_end if is_up else low_end) - py) * along
         is_side = out_x < out_y or uy == 0.0
         t = out_x if is_side else out_y
-        in_column = min(max(np.intp(px + t * ux), left_end), right_end - 1)
-        in_row = min(max(np.intp(py + t * uy), low_end), high_end - 1)
+        in_column = min(max(np.intp(math.floor(px + t * ux)), left_end), right_end - 1)
+        in_row = min(max(np.intp(math.floor(py + t * uy)), low_end), high_end - 1)
         column = (right_end if is_right else left_end - 1) if is_side else in_column
         row = in_row if is_side else (high_end if is_up else low_end - 1)
     return math.inf
