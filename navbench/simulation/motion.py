@@ -33,7 +33,7 @@ Movers = tuple[FloatArray, FloatArray]  # as ``mover_tables`` returns them
 Scenery = tuple[  # see ``Scene.arrays``
     FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers, FreeArray, FloatArray
 ]  # fmt: skip
-Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Drive.arrays``
+Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Simulator.pipeline``
 
 SUBSTEP_RADII = 0.25  # clearances are taken at least each time that something may have moved this far
 ROUNDING_RADII = 1e-6  # a contact lasts until a robot is further away than this
@@ -144,7 +144,7 @@ def advance(
 
     Args:
         robots: (n,) of ``ROBOT``, and the scene, as they are at the period's beginning.
-        pipeline: the commands, as ``Drive.arrays``.
+        pipeline: the commands, as ``Simulator.pipeline``.
         scenery: as ``Scene.arrays``.
         fixed: (1,) of ``FIXED``.
         t_s: the period's beginning [s].
