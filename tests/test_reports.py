@@ -572,7 +572,7 @@ def test_a_section_of_ones_own_is_run_where_it_is_trusted_and_named_where_not(
     assert "report[0].name=mine.sections.fastest" in run.stderr
     subprocess.run([*command, "--trust"], cwd=tmp_path, check=True)
     text = (tmp_path / "out/report.md").read_text()
-    assert "## Fastest\n\n| fastest [s] |\n| --- |\n| 9.5 |\n\n[CSV](tables/fastest.csv)" in text
+    assert "## Fastest\n\nSimulator: ideal.\n\n| fastest [s] |\n| --- |\n| 9.5 |\n\n[CSV](tables/fastest.csv)" in text
     assert "## Comparison" in text
 
 

@@ -113,18 +113,23 @@ class StoredResults:
         ]
         return trajectory
 
-    @cached_property
+    @property
     def evaluations(self) -> "pd.DataFrame":
         """The table of evaluations.
 
         Raises:
             ResultsError: nothing was tuned.
         """
+        self._note(self.checks[self.checks["kind"] == "searched"])
+        return self._evaluations
+
+    @cached_property
+    def _evaluations(self) -> "pd.DataFrame":
         return self.results.evaluations()
 
     @cached_property
     def checks(self) -> "pd.DataFrame":
-        """The table of what the best of each tuning cost when it was run again."""
+        """The table of what the best of each tuning cost when it was run again; without rows where none was."""
         return self.results.checks()
 
     @cached_property
@@ -247,12 +252,15 @@ class StoredResults:
         rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
-        self._noted |= set(rows[["simulator", "name"]].drop_duplicates().itertuples(index=False, name=None))
+        self._note(rows)
         return rows
+
+    def _note(self, rows: "pd.DataFrame") -> None:
+        self._noted |= set(rows[["simulator", "name"]].drop_duplicates().itertuples(index=False, name=None))
 
     @contextmanager
     def noting(self) -> Iterator[set[tuple[str, str]]]:
-        """Give a set that holds the simulators of all episodes that are selected meanwhile, with the cells' names."""
+        """Give a set of the simulators of all that is read meanwhile, each with the names of its cells and tunings."""
         outer, inner = self._noted, set[tuple[str, str]]()
         self._noted = inner
         try:

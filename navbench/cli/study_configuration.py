@@ -27,9 +27,7 @@ Words = tuple[str, ...]
 
 TUNER = ("population", "generations(space, rng)")
 REPAIR = ("__call__(values)",)
-OF_A_TUNING = (  # not of its cells
-    *("tuner", "objective", "budget", "name", "world", "worlds", "verify", "workers", "hydra"),
-)
+OF_A_TUNING = "tuner objective budget name world worlds verify workers hydra".split()  # not of its cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)

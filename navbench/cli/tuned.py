@@ -11,10 +11,7 @@ from navbench.experiments.cells import leaves_below
 from navbench.experiments.store import write_table
 from navbench.experiments.tunings import Tuning
 
-TOLD = (  # in other words, or of no matter
-    *("controller", "tuner", "objective", "simulator", "world", "worlds"),
-    *("budget", "seed", "name", "workers", "verify"),
-)
+TOLD = "controller tuner objective simulator world worlds budget seed name workers verify".split()  # or of no matter
 
 
 def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, overrides: Sequence[str] = ()) -> Path:

@@ -269,8 +269,12 @@ class Results:
         return self._read("evaluations", ["name", "tuner", "seed", "evaluation"])
 
     def checks(self) -> "pd.DataFrame":
-        """Return what the best of each tuning cost when it was run again, sorted by name, tuner and seed."""
-        return self._read("checks", ["name", "tuner", "seed"])
+        """Return what the best of each tuning cost when it was run again, by name, tuner and seed; may be empty."""
+        import pandas as pd
+
+        if any((self.path / "checks").glob("part-*.parquet")):
+            return self._read("checks", ["name", "tuner", "seed"])
+        return pd.DataFrame(columns=["name", "seed", "kind", "simulator", "cost"])
 
     def evaluations_of(self, tuning: TuningKey, *, whole: bool = True) -> "pd.DataFrame":
         """Return what one tuning evaluated, in order; or where it is not ``whole``, as far as it came."""

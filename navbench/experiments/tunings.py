@@ -136,14 +136,14 @@ class Tuning:
 
     def key(self) -> TuningKey:
         """Return what results know of this tuning."""
-        cells = [cell.key() for cell in self.cells]
+        cells = [cell.key() for cell in (*self.cells, *self.verified_in)]
         config_hash = digest([self.configuration, [(cell.config_hash, cell.episodes) for cell in cells]])
         return TuningKey(
             self.name,
             self.tuner_name,
             self.objective_name,
             cells[0].names.controller,
-            tuple(cell.names.world for cell in cells),
+            tuple(cell.names.world for cell in self.cells),
             config_hash,
             digest([config_hash, self.budget, self.seed]),
             self.seed,
