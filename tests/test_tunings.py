@@ -215,7 +215,7 @@ def test_the_command_line_refuses_a_wrong_tunable_with_exit_2(folder: Path) -> N
 
 
 def parts_of(path: Path) -> dict[str, bytes]:
-    kinds = ("evaluations", "conf/controller", "episodes", "trajectories")
+    kinds = ("evaluations", "checks", "conf/controller", "episodes", "trajectories")
     return {str(file.relative_to(path)): file.read_bytes() for kind in kinds for file in (path / kind).iterdir()}
 
 
@@ -295,12 +295,34 @@ def test_a_tuning_is_verified_in_the_same_further_worlds_and_with_the_same_words
         assert cell.names._replace(simulator="pybullet") == other.names
         assert (cell.world, cell.sensors, cell.jitter) == (other.world, other.sensors, other.jitter)
         assert (cell.seed, cell.episodes) == (other.seed, other.episodes) == (4, 2)
+    composed = compose_tuning([*words, "simulator=pybullet"], str(folder / "conf"))[0].cells
+    assert [cell.key() for cell in tuning.verified_in] == [cell.key() for cell in composed]
     assert [cell.world.time_limit_s for cell in tuning.verified_in] == [9.0, 60.0]
 
 
 @pytest.mark.parametrize("words", [["verify=null"], ["simulator=pybullet"], ["verify=planar"]])
 def test_nothing_is_verified_where_that_is_not_asked_for(words: list[str], folder: Path) -> None:
     assert compose_tuning([*WORDS, *words], str(folder / "conf"))[0].verified_in == ()
+
+
+def test_another_simulator_to_verify_in_makes_another_tuning(folder: Path) -> None:
+    unverified, verified = (compose_tuning([*WORDS, *more], str(folder / "conf"))[0] for more in (["verify=null"], []))
+    assert unverified.key().tuning_id != verified.key().tuning_id
+    targets = [cell["simulator"]["_target_"] for cell in verified.key().configuration["cells"]]
+    assert [target.rpartition(".")[2] for target in targets] == ["PlanarSimulator", "BulletSimulator"]
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("verify=none", "verify=none: unknown choice; allowed: planar, pybullet, or null for none"),
+        ("verify=3", "verify=3: must be one name; `navbench list simulator` prints them, or null for none"),
+    ],
+)
+def test_an_unknown_simulator_to_verify_in_is_refused_in_one_line(word: str, said: str, folder: Path) -> None:
+    done = navbench(folder, "tune", *WORDS, word, "hydra.run.dir=done")
+    assert (done.returncode, done.stderr) == (2, f"navbench: {said}\n")
+    assert not (folder / "done").exists()
 
 
 def test_without_pybullet_a_tuning_ends_and_says_that_it_is_not_verified(folder: Path) -> None:

@@ -35,15 +35,15 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
     least = best.pivot(index="seed", columns="name", values="cost")[list(tunings)]
     ranking = friedman(least.to_numpy()) if len(tunings) > 2 and len(least) > 1 else None
     checks = page.stored.checks
-    costs = checks.groupby(["kind", "simulator", "name"], sort=False)["cost"]
-    again = dict.fromkeys((kind, simulator) for kind, simulator, _ in costs.groups if kind != "searched")
+    again = checks.loc[checks["kind"] != "searched", ["kind", "simulator"]].drop_duplicates().to_numpy().tolist()
+    costs = {tuple(key): rows["cost"].to_numpy() for key, rows in checks.groupby(["name", "kind", "simulator"])}
     entries = []
     for i, (name, label) in enumerate(tunings.items()):
         mine = best[best["name"] == name]
         found = [median_and_range(mine[x].to_numpy(dtype=float)) for x in ("cost", *parameters)]
         rank = ranking.mean_ranks[i] if ranking else None
-        keys = [(*pair, name) for pair in again]
-        checked = [median_and_range(costs.get_group(k).to_numpy()) if k in costs.groups else None for k in keys]
+        keys = [(name, *pair) for pair in again]
+        checked = [median_and_range(costs[key]) if key in costs else None for key in keys]
         count = len(rows[rows["name"] == name]) // len(mine)
         entries.append([label, len(mine), count, found[0], rank, *checked, *found[1:]])
     columns = [Column("", "label"), Column("seeds", "seeds"), Column("evaluations", "budget")]
@@ -58,7 +58,7 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
         title="The best of every tuning",
     )
     test = "Median [range] over the seeds."
-    if "verified" not in dict(again):
+    if "verified" not in [kind for kind, _ in again]:
         test += " Not verified: no best was run again in another simulator."
     if ranking:
         test += (
