@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults
 from navbench.cli.worlds import world_of
 from navbench.experiments.store import Results
+from navbench.experiments.tunings import Check
 from navbench.metrics import DECLARED
 from navbench.records import CellKey, Names, RobotRecord, Thing, TuningKey
 from navbench.report.document import Blocks, Document
@@ -196,6 +197,8 @@ def store(
             "kp": [min(1.0 + 3.0 * i, 10.0) for i in range(len(values))],
         }
         results.write_evaluations(tuning, columns)
+        checks = [("searched", "planar", 0), ("verified", "ideal", 0), ("fresh", "planar", 1), ("fresh", "ideal", 1)]
+        results.write_checks(tuning, [Check(*check, 1, min(values) + i, 1, 1) for i, check in enumerate(checks)])
     for name, table in (descriptions or {}).items():
         results.write_description(name, table)
     results.end()

@@ -1,6 +1,7 @@
 """What fleets did together: tables, measures and what is drawn of them, on stored results made by hand."""
 
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -389,7 +390,14 @@ def test_evolution_is_told_from_the_first_chromosome_beside_the_best_random_one(
     assert rows["mutant_gain_percent"].tolist() == pytest.approx([25.0, -10.0, -100.0 / 3.0])
     assert rows["evolved_gain_percent"].tolist() == pytest.approx([50.0, 10.0, 0.0])
     assert "best of 2 mutants" in text
-    assert "| mean time | 2 | 4 | 10.00 | 11.00 | 9.00 | -10.0 | 10.0 |" in text
+    assert "| mean time | 2 | 4 | 10.00 | 11.00 | 9.00 | 10.00 | -10.0 | 10.0 |" in text
+
+
+def test_evolution_is_told_without_what_was_not_verified(tmp_path: Path) -> None:
+    stored = evolved(tmp_path / "in")
+    shutil.rmtree(tmp_path / "in/checks")
+    text = told(evolution, stored, tmp_path, file="e", tunings={"ga": "mean time"}, first=3)
+    assert "| mean time | 2 | 4 | 10.00 | 11.00 | 9.00 | – | -10.0 | 10.0 |" in text
 
 
 def test_the_drawn_cost_never_rises_and_every_seed_is_in_the_legend(tmp_path: Path, kept: list[Figure]) -> None:

@@ -318,3 +318,28 @@ def test_the_share_in_phases_counts_episodes(tmp_path: Path) -> None:
         select={"label": "A"},
     )
     assert (found.value, found.n) == (0.5, 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "metric"), [("difference", "time_s"), ("difference", "success"), ("share_better", "time_s")]
+)
+def test_cells_of_two_simulators_are_not_compared(name: str, metric: str, tmp_path: Path) -> None:
+    here, there = a_cell("A"), a_cell("B")
+    planar = there._replace(names=there.names._replace(simulator="planar"))
+    stored = store(tmp_path, [(here, [a_record()]), (planar, [a_record()])])
+    with pytest.raises(DescriptionError, match="A and B ran in ideal and planar; compare cells of one simulator"):
+        measure(stored, name, {"metric": metric, "label": "A", "than": "B"})
+
+
+def test_what_is_selected_is_noted_with_its_simulator(tmp_path: Path) -> None:
+    here, there = a_cell("A"), a_cell("B", name="fair")
+    planar = there._replace(names=there.names._replace(simulator="planar"))
+    stored = store(tmp_path, [(here, [a_record()]), (planar, [a_record()])])
+    with stored.noting() as outer:
+        with stored.noting() as inner:
+            stored.select(label="B")
+        assert inner == {("planar", "fair")}
+        assert outer == {("planar", "fair")}
+        stored.select(label="A")
+    assert inner == {("planar", "fair")}
+    assert outer == {("planar", "fair"), ("ideal", "printed")}

@@ -165,24 +165,26 @@ def test_a_directory_with_other_work_is_refused_and_stays(own: Path) -> None:
 # Tunings
 
 
+@pytest.mark.parametrize(("at", "then"), [(20, [30, 40]), (40, [])])
 def test_a_tuning_that_is_interrupted_goes_on_after_its_last_generation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    at: int, then: list[int], tmp_path: Path
 ) -> None:
     words = ["controller=pid", "tuner=pso", "objective=ise", "world=corner", "budget=40", "world.time_limit_s=1.0"]
     tuning, _, _ = compose_tuning(words)
     plan = Plan(cells=tuning.cells, tunings=(tuning,), study={"name": "tune it"})
-    whole = run_plan(plan, tmp_path / "whole", 1).results.evaluations()
+    whole = run_plan(plan, tmp_path / "whole", 1).results
 
     def interrupt(what: str, done: int, of: int) -> None:
-        if done == 20:
+        if done == at:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_plan(plan, tmp_path / "stopped", 1, progress=interrupt)
     told: list[tuple[str, int, int]] = []
     results = run_plan(plan, tmp_path / "stopped", 1, progress=lambda *words: told.append(words)).results
-    assert [done for what, done, _ in told if what.endswith("evaluations")] == [30, 40]
-    pd.testing.assert_frame_equal(results.evaluations(), whole, rtol=0.0, atol=0.0)
+    assert [done for what, done, _ in told if what.endswith("evaluations")] == then
+    for table in (Results.evaluations, Results.checks):
+        pd.testing.assert_frame_equal(table(results), table(whole), rtol=0.0, atol=0.0)
     assert [file.name.split("-")[0] for file in (tmp_path / "stopped/evaluations").iterdir()] == ["part"]
 
 

@@ -52,6 +52,11 @@ def test_your_own_controller_runs_from_a_folder_outside_the_project(folder: Path
     assert re.search(r"^mine +empty +khepera3 +1 of 1 ", printed, re.M)
 
 
+def test_your_own_controller_in_python_runs_in_planar_too(folder: Path) -> None:
+    printed = navbench(folder, "--config-dir", "conf", "controller=mine", "world=empty", "simulator=planar")
+    assert re.search(r"^mine +empty +khepera3 +1 of 1 ", printed, re.M)
+
+
 def test_a_compiled_controller_of_your_own_runs_in_planar_as_in_pybullet(folder: Path) -> None:
     (folder / "compiled_mine.py").write_text(block_after("`compiled_mine.py`", "python"))
     yaml = "# A compiled policy\nbuild: {_target_: compiled_mine.Mine, gain: 2.0, near_m: 0.1}\n"

@@ -2,6 +2,7 @@ import json
 import math
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from navbench.records import CellKey, RobotRecord
 from navbench.report import latex, markdown
 from navbench.report.claims import findings, printed_table
 from navbench.report.comparison import comparison
-from navbench.report.document import Column, Document, Finding, Table, number, words
+from navbench.report.document import Column, Document, Finding, Paragraph, Table, number, words
 from navbench.report.figures import PALETTE, styles, thinned
 from navbench.report.outcomes import outcomes_table
 from navbench.report.page import Page
@@ -572,7 +573,7 @@ def test_a_section_of_ones_own_is_run_where_it_is_trusted_and_named_where_not(
     assert "report[0].name=mine.sections.fastest" in run.stderr
     subprocess.run([*command, "--trust"], cwd=tmp_path, check=True)
     text = (tmp_path / "out/report.md").read_text()
-    assert "## Fastest\n\n| fastest [s] |\n| --- |\n| 9.5 |\n\n[CSV](tables/fastest.csv)" in text
+    assert "## Fastest\n\nSimulator: ideal.\n\n| fastest [s] |\n| --- |\n| 9.5 |\n\n[CSV](tables/fastest.csv)" in text
     assert "## Comparison" in text
 
 
@@ -674,3 +675,44 @@ def test_the_described_surface_is_odd_in_w_and_even_in_v(described: dict[str, di
     at_18 = surface.iloc[(surface["phi_rad"] - math.radians(18.0)).abs().argmin()]
     assert at_18["w_radps"] == pytest.approx(1.2, abs=1e-3)
     assert at_18["v_mps"] == pytest.approx(0.1111, abs=1e-3)
+
+
+TUNED = {"name": "tuners_compared", "tunings": {"pso": "PSO-PID", "fa": "FA-PID"}}
+
+
+def tuned(path: Path) -> StoredResults:
+    costs = {("pso", 0): [4.0, 2.0], ("pso", 1): [4.0, 3.0], ("fa", 0): [5.0, 6.0]}
+    return store(path, [(a_cell("A"), [a_record()])], costs=costs)
+
+
+def test_what_the_best_cost_when_it_was_run_again_stands_beside_the_least_cost(tmp_path: Path) -> None:
+    blocks = build_section(Page(tuned(tmp_path / "kept"), tmp_path), TUNED)
+    assert blocks[1] == Paragraph("Simulator: planar.")
+    text = markdown.render(Document("", blocks))
+    heads = "| seeds | evaluations | least cost | mean rank | verified (ideal) | fresh (planar) | fresh (ideal) | kp |"
+    assert heads in text
+    assert "| PSO-PID | 2 | 2 | 2.50000 [2.00000, 3.00000] | – | 3.50000 [3.00000, 4.00000] | 4.50000" in text
+    assert "Not verified" not in text
+
+
+def test_tunings_that_were_not_run_again_are_told_as_not_verified(tmp_path: Path) -> None:
+    stored = tuned(tmp_path / "kept")
+    shutil.rmtree(tmp_path / "kept/checks")
+    text = markdown.render(Document("", build_section(Page(stored, tmp_path), TUNED)))
+    assert "| seeds | evaluations | least cost | mean rank | kp |" in text
+    assert "Not verified: no best was run again in another simulator." in text
+
+
+def test_each_section_says_which_simulator_made_its_numbers(tmp_path: Path) -> None:
+    here, there = a_cell("A"), a_cell("B", name="fair")
+    planar = there._replace(names=there.names._replace(simulator="planar"))
+    stored = store(tmp_path / "kept", [(here, [a_record()]), (planar, [a_record()])])
+    worlds = {"world": "plain"}
+    for cells, line in (
+        ({"A": {"label": "A"}}, "Simulator: ideal."),
+        ({"A": {"label": "A"}, "B": {"label": "B"}}, "Simulator: ideal (printed); planar (fair)."),
+    ):
+        blocks = build_section(Page(stored, tmp_path), {"name": "outcomes_table", "cells": cells, "worlds": worlds})
+        assert blocks[1] == Paragraph(line)
+    metrics = build_section(Page(stored, tmp_path), {"name": "metrics"})
+    assert not any("Simulator" in str(block) for block in metrics)

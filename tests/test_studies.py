@@ -240,6 +240,7 @@ def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) ->
 
 def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path) -> None:
     command = [NAVBENCH, "tune", "controller=pid", "tuner=pso", "objective=ise", "world=no_deadlock", "workers=1"]
+    command.append("simulator=pybullet")
     done = subprocess.run([*command, "hydra.run.dir=tuned"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     committed = Path(__file__).parents[1] / "conf/controller/pso_pid.yaml"

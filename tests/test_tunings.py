@@ -46,6 +46,20 @@ class Steer:
         return (min(max(self.gains["speed_mps"], far["least"]), far["most"]), turn[self.rules["turn"][side]])
 
 
+class Pausing:
+    def __init__(self, pause: int, speed_mps: float):
+        self.pause, self.speed_mps, self.steps = pause, speed_mps, 0
+        if type(pause) is not int:
+            raise ValueError("pause: must be a whole number")
+
+    def reset(self, setup, rng):
+        self.steps = 0
+
+    def act(self, observation):
+        self.steps += 1
+        return (self.speed_mps if self.steps % self.pause == 0 else 0.0, 0.0)
+
+
 class Ordered:
     def __init__(self, least: str, most: str):
         self.least, self.most = least, most
@@ -201,7 +215,7 @@ def test_the_command_line_refuses_a_wrong_tunable_with_exit_2(folder: Path) -> N
 
 
 def parts_of(path: Path) -> dict[str, bytes]:
-    kinds = ("evaluations", "conf/controller", "episodes", "trajectories")
+    kinds = ("evaluations", "checks", "conf/controller", "episodes", "trajectories")
     return {str(file.relative_to(path)): file.read_bytes() for kind in kinds for file in (path / kind).iterdir()}
 
 
@@ -229,13 +243,149 @@ def test_a_tuning_of_choices_is_the_same_with_one_worker_and_with_two_and_writes
         },
         "rules": {"turn": {side: best[f"rules.turn.{side}"] for side in ("left", "ahead", "right")}},
     }
-    told = {"tuned": "navbench tune controller=steer tuner=ga objective=time, in aside, budget=88", "seed": 0}
+    how = "navbench tune controller=steer tuner=ga objective=time simulator=planar, in aside, budget=88"
+    told = {"tuned": how, "seed": 0}
     assert content["sources"] == {"build.gains": told, "build.rules.turn": told}
 
     (folder / "with_1/conf/controller/ga_steer.yaml").rename(folder / "conf/controller/ga_steer.yaml")
     again = navbench(folder, "controller=ga_steer", "world=aside", "hydra.run.dir=again")
     assert again.returncode == 0, again.stderr
     assert Results(folder / "again").episodes()["time_s"].tolist() == [best["cost"]]
+
+
+JITTER = ("start_heading_jitter_rad=0.5", "episodes=2")
+
+
+def test_every_evaluation_meets_the_same_episodes(folder: Path) -> None:
+    (folder / "conf/controller/pausing.yaml").write_text(PAUSING)
+    words = ["controller=pausing", "tuner=random", "objective=time", "world=empty", "start_jitter_m=0.1", "episodes=2"]
+    record = run_tuning(compose_tuning([*words, "budget=30"], str(folder / "conf"))[0])
+    costs = {(pause, evaluation) for (pause,), evaluation in zip(record.values, record.evaluations, strict=True)}
+    assert len(costs) == len({pause for pause, _ in costs}) == len({evaluation.cost for _, evaluation in costs}) == 6
+
+
+def test_the_best_is_run_again_in_pybullet_and_over_fresh_episodes(folder: Path) -> None:
+    done = navbench(folder, "tune", *WORDS[:-1], *JITTER, "budget=30", "workers=1", "hydra.run.dir=done")
+    assert done.returncode == 0, done.stderr
+    checks = Results(folder / "done").checks()
+    assert checks[["kind", "simulator", "first_episode", "episodes"]].to_numpy().tolist() == [
+        ["searched", "planar", 0, 2],
+        ["verified", "pybullet", 0, 2],
+        ["fresh", "planar", 2, 2],
+        ["fresh", "pybullet", 2, 2],
+    ]
+    assert checks["cost"].iloc[0] == Results(folder / "done").evaluations()["cost"].min()
+    (folder / "done/conf/controller/ga_steer.yaml").rename(folder / "conf/controller/ga_steer.yaml")
+    for i, simulator in ((2, "planar"), (3, "pybullet")):
+        words = ["controller=ga_steer", "world=aside", *JITTER, "episodes=4", f"simulator={simulator}"]
+        again = navbench(folder, *words, f"hydra.run.dir={simulator}")
+        assert again.returncode == 0, again.stderr
+        rows = Results(folder / simulator).episodes().iloc[2:]
+        assert set(rows["outcome"]) == {"reached"}
+        assert checks["cost"].iloc[i] == pytest.approx(rows["time_s"].mean(), abs=1e-12)
+    for kind in ("searched (planar)", "verified (pybullet)", "fresh (planar)", "fresh (pybullet)"):
+        assert f"  {kind} " in done.stdout
+
+
+def test_a_tuning_is_verified_in_the_same_further_worlds_and_with_the_same_words(folder: Path) -> None:
+    words = [*WORDS, *JITTER, "worlds=[empty]", "world.time_limit_s=9.0", "sensors=ring16", "seed=4"]
+    tuning, _, _ = compose_tuning(words, str(folder / "conf"))
+    for cell, other in zip(tuning.cells, tuning.verified_in, strict=True):
+        assert (cell.names.simulator, other.names.simulator) == ("planar", "pybullet")
+        assert cell.names._replace(simulator="pybullet") == other.names
+        assert (cell.world, cell.sensors, cell.jitter) == (other.world, other.sensors, other.jitter)
+        assert (cell.seed, cell.episodes) == (other.seed, other.episodes) == (4, 2)
+    composed = compose_tuning([*words, "simulator=pybullet"], str(folder / "conf"))[0].cells
+    assert [cell.key() for cell in tuning.verified_in] == [cell.key() for cell in composed]
+    assert [cell.world.time_limit_s for cell in tuning.verified_in] == [9.0, 60.0]
+
+
+@pytest.mark.parametrize("words", [["verify=null"], ["simulator=pybullet"], ["verify=planar"]])
+def test_nothing_is_verified_where_that_is_not_asked_for(words: list[str], folder: Path) -> None:
+    assert compose_tuning([*WORDS, *words], str(folder / "conf"))[0].verified_in == ()
+
+
+def test_another_simulator_to_verify_in_makes_another_tuning(folder: Path) -> None:
+    unverified, verified = (compose_tuning([*WORDS, *more], str(folder / "conf"))[0] for more in (["verify=null"], []))
+    assert unverified.key().tuning_id != verified.key().tuning_id
+    targets = [cell["simulator"]["_target_"] for cell in verified.key().configuration["cells"]]
+    assert [target.rpartition(".")[2] for target in targets] == ["PlanarSimulator", "BulletSimulator"]
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("verify=none", "verify=none: unknown choice; allowed: planar, pybullet, or null for none"),
+        ("verify=3", "verify=3: must be one name; `navbench list simulator` prints them, or null for none"),
+    ],
+)
+def test_an_unknown_simulator_to_verify_in_is_refused_in_one_line(word: str, said: str, folder: Path) -> None:
+    done = navbench(folder, "tune", *WORDS, word, "hydra.run.dir=done")
+    assert (done.returncode, done.stderr) == (2, f"navbench: {said}\n")
+    assert not (folder / "done").exists()
+
+
+def test_without_pybullet_a_tuning_ends_and_says_that_it_is_not_verified(folder: Path) -> None:
+    code = "import sys\nsys.modules['pybullet'] = None\nfrom navbench.cli.main import main\nmain()\n"
+    words = ["tune", *WORDS[:-1], "budget=30", "workers=1", "hydra.run.dir=done", "--config-dir", "conf"]
+    done = subprocess.run([sys.executable, "-c", code, *words], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "navbench: verify=pybullet: skipped; simulator._target_=" in done.stderr
+    assert "needs PyBullet" in done.stderr
+    assert Results(folder / "done").checks()["simulator"].tolist() == ["planar", "planar"]
+
+
+PAUSING = """# Pauses, for the tests of tunings
+build: {_target_: toy_steering.Pausing, pause: 3, speed_mps: 0.2}
+tunable:
+  pause: {low: 1, high: 6, scale: linear}
+"""
+
+
+@pytest.mark.parametrize("tuner", ["pso", "ga", "de", "random"])
+def test_what_a_controller_has_as_a_whole_number_is_searched_as_one(tuner: str, folder: Path) -> None:
+    (folder / "conf/controller/pausing.yaml").write_text(PAUSING)
+    words = ["controller=pausing", f"tuner={tuner}", "objective=time", "world=empty", "world.time_limit_s=2.0"]
+    tuning, _, _ = compose_tuning([*words, "budget=60"], str(folder / "conf"))
+    columns = run_tuning(tuning).columns()
+    assert {type(value) for value in columns["pause"]} == {int}
+    assert set(columns["pause"]) <= set(range(1, 7))
+    assert 1 in columns["pause"]
+
+
+def test_the_file_of_a_tuned_controller_has_a_whole_number_as_one(folder: Path) -> None:
+    (folder / "conf/controller/pausing.yaml").write_text(PAUSING)
+    words = ["controller=pausing", "tuner=random", "objective=time", "world=empty", "world.time_limit_s=2.0"]
+    done = navbench(folder, "tune", *words, "budget=30", "workers=1", "hydra.run.dir=done", "verify=null")
+    assert done.returncode == 0, done.stderr
+    content = yaml.safe_load((folder / "done/conf/controller/random_pausing.yaml").read_text())
+    assert content["build"] == {"pause": 1}
+    assert type(content["build"]["pause"]) is int
+
+
+@pytest.mark.parametrize(
+    ("there", "wrong", "message"),
+    [
+        ("low: 1,", "low: 0.5,", "controller.tunable.pause.low=0.5: must be a whole number, or integer: false"),
+        ("linear}", "linear, integer: 1}", "controller.tunable.pause.integer=1: must be true or false"),
+        ("pause: 3", "pause: 7", "controller.build.pause=7: must be a whole number between 1 and 6"),
+        ("  pause: {", "  speed_mps: {", "controller.build.speed_mps=0.2: must be a whole number between 1 and 6"),
+    ],
+)
+def test_wrong_bounds_of_a_whole_number_are_refused(there: str, wrong: str, message: str, folder: Path) -> None:
+    text = PAUSING.replace(there, wrong).replace("linear}", "linear, integer: true}")
+    (folder / "conf/controller/pausing.yaml").write_text(text)
+    with pytest.raises(DescriptionError) as refused:
+        compose_tuning(["controller=pausing", "tuner=random"], str(folder / "conf"))
+    assert str(refused.value).startswith(message)
+
+
+def test_integer_false_searches_all_numbers_and_integer_true_whole_ones(folder: Path) -> None:
+    more = "  speed_mps: {low: 0.0, high: 1.0, scale: linear, integer: true}\n"
+    text = PAUSING.replace("linear}", "linear, integer: false}").replace("speed_mps: 0.2", "speed_mps: 1.0") + more
+    (folder / "conf/controller/pausing.yaml").write_text(text)
+    tuning, _, _ = compose_tuning(["controller=pausing", "tuner=random"], str(folder / "conf"))
+    assert [side.parameter(side.value_at(0.3)) for side in tuning.dimensions] == [2.5, 0]
 
 
 def test_a_swarm_tunes_choices_too(folder: Path) -> None:
@@ -298,7 +448,9 @@ def test_the_file_of_a_tuned_controller_holds_what_the_words_set_and_tells_them(
     assert content["build"]["rules"] == {"turn": {"left": "left"}}
     assert set(content["sources"]) == {"build.gains", "build.rules.turn.left"}
     told = content["sources"]["build.gains"]["tuned"]
-    assert told.startswith(f"navbench tune controller=steer tuner=ga objective=time {' '.join(given)} ")
+    assert told.startswith(
+        f"navbench tune controller=steer tuner=ga objective=time simulator=planar {' '.join(given)} "
+    )
     assert "hydra" not in told
 
     (folder / "done/conf/controller/mine.yaml").rename(folder / "conf/controller/mine.yaml")

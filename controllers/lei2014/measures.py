@@ -98,9 +98,9 @@ def share_longer_in(
             tuple(row[name] for name in PAIR): sum(
                 _times(stored.trajectory(row), column).get(state, 0.0) for state in states
             )
-            for row in stored.select(**side).to_dict("records")
+            for row in side.to_dict("records")
         }
-        for side in (select, than)
+        for side in stored.sides(select, than)
     ]
     return share_of(np.array([share > shares[1][pair] for pair, share in shares[0].items() if pair in shares[1]]))
 
@@ -118,7 +118,7 @@ def share_of_fleets_clearer(stored: StoredResults, select: Select, than: Select)
         select: the cells that are said to keep further away from everything.
         than: the cells that they are compared with, over the same starts.
     """
-    here, there = (fleets(stored.select(**side)) for side in (select, than))
+    here, there = map(fleets, stored.sides(select, than))
     pairs = here.merge(there, on=["world", "seed", "episode"], suffixes=("", "_other"))
     return share_of((pairs["clearance_m"] > pairs["clearance_m_other"]).to_numpy())
 

@@ -40,6 +40,7 @@ def evolution(page: Page, *, tunings: Mapping[str, str], first: int, columns: in
         columns: how many panels stand side by side.
     """
     rows = page.stored.evaluations
+    verified = page.stored.checks[page.stored.checks["kind"] == "verified"].set_index(["name", "seed"])["cost"]
     columns = min(columns, len(tunings))
     figure, axes = new_figure(-(-len(tunings) // columns), columns, 4.6, 2.9)
     entries = []
@@ -58,7 +59,7 @@ def evolution(page: Page, *, tunings: Mapping[str, str], first: int, columns: in
             )
             start, mutant, least = float(best[0]), float(costs.iloc[1:first].min()), float(best[-1])
             gained = [100.0 * (1.0 - cost / start) for cost in (mutant, least)]
-            entries.append([title, seed, len(best), start, mutant, least, *gained])
+            entries.append([title, seed, len(best), start, mutant, least, verified.get((name, seed)), *gained])
         ax.axvline(first, color="#888888", linewidth=0.8, linestyle=":", label=FIRST)
         ax.set(title=title, xlabel="evaluations", ylabel="least cost so far")
         ax.grid(alpha=0.3)
@@ -68,7 +69,7 @@ def evolution(page: Page, *, tunings: Mapping[str, str], first: int, columns: in
     heads = [Column("tuning", "tuning"), Column("seed", "seed"), Column("evaluations", "evaluations")]
     heads += [Column("un-evolved cost", "unevolved_cost", decimals=2)]
     heads += [Column(f"best of {first - 1} mutants", "best_first_mutant_cost", decimals=2)]
-    heads += [Column("least cost", "least_cost", decimals=2)]
+    heads += [Column("least cost", "least_cost", decimals=2), Column("verified", "verified_cost", decimals=2)]
     heads += [Column("gain of the mutant", "mutant_gain_percent", "%", 1)]
     heads += [Column("gain of evolution", "evolved_gain_percent", "%", 1)]
     return [page.plot(figure), page.table(heads, entries)]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = (
-    "id statement where printed unit measured low high n tolerance evidence verdict reason"  # of claims.csv
+    "id statement where printed unit measured low high n simulator tolerance evidence verdict reason"  # of claims.csv
 ).split()
 VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
 HYPOTHESIS_VERDICTS = ("supported", "contradicted", "practically_equal", "undecided")
@@ -174,15 +174,17 @@ def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
 
     rows = []
     for name, claim in claims_of("claims", stored.manifest["study"]["claims"]).items():
-        try:
-            found = measure(stored, claim.measure, claim.of or {}, trust=trust) if claim.measure else None
-            decided = verdict(claim, found, _margin(stored, claim, trust))
-        except MeasureError as error:
-            found, decided = None, ("not_testable", f"{FAILED}{error}")
+        with stored.noting() as noted:
+            try:
+                found = measure(stored, claim.measure, claim.of or {}, trust=trust) if claim.measure else None
+                decided = verdict(claim, found, _margin(stored, claim, trust))
+            except MeasureError as error:
+                found, decided = None, ("not_testable", f"{FAILED}{error}")
         printed, unit = (math.nan, "") if claim.printed is None else quantity("printed", claim.printed)
         figures = found if found is not None else (math.nan, math.nan, math.nan, 0)
         said = name, claim.says, claim.where, printed, unit
-        rows.append([*said, *figures, claim.tolerance, claim.evidence or "", *decided])
+        simulators = ", ".join(sorted({simulator for simulator, _ in noted}))
+        rows.append([*said, *figures, simulators, claim.tolerance, claim.evidence or "", *decided])
     return pd.DataFrame(rows, columns=COLUMNS)
 
 

@@ -79,8 +79,8 @@ def difference(stored: StoredResults, metric: str, select: Select, than: Select)
         than: the cells of the second, over the same starts.
     """
     if metric == "success":
-        sides = [fleets(stored.select(**chosen)) for chosen in (select, than)]
-        pairs = sides[0].merge(sides[1], on=["world", "seed", "episode"], suffixes=("", "_other"))
+        ours, theirs = map(fleets, stored.sides(select, than))
+        pairs = ours.merge(theirs, on=["world", "seed", "episode"], suffixes=("", "_other"))
         successes = (pairs[f"success{side}"].to_numpy(dtype=bool) for side in ("", "_other"))
         return None if pairs.empty else newcombe_paired(*successes)
     pairs = stored.pairs(select, than)

@@ -1,6 +1,7 @@
 """A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ class StoredResults:
         self.results = results
         self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
+        self._noted: set[tuple[str, str]] = set()
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
@@ -111,14 +113,24 @@ class StoredResults:
         ]
         return trajectory
 
-    @cached_property
+    @property
     def evaluations(self) -> "pd.DataFrame":
         """The table of evaluations.
 
         Raises:
             ResultsError: nothing was tuned.
         """
+        self._note(self.checks[self.checks["kind"] == "searched"])
+        return self._evaluations
+
+    @cached_property
+    def _evaluations(self) -> "pd.DataFrame":
         return self.results.evaluations()
+
+    @cached_property
+    def checks(self) -> "pd.DataFrame":
+        """The table of what the best of each tuning cost when it was run again; without rows where none was."""
+        return self.results.checks()
 
     @cached_property
     def descriptions(self) -> "dict[str, pd.DataFrame]":
@@ -240,7 +252,37 @@ class StoredResults:
         rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
+        self._note(rows)
         return rows
+
+    def _note(self, rows: "pd.DataFrame") -> None:
+        self._noted |= set(rows[["simulator", "name"]].drop_duplicates().itertuples(index=False, name=None))
+
+    @contextmanager
+    def noting(self) -> Iterator[set[tuple[str, str]]]:
+        """Give a set of the simulators of all that is read meanwhile, each with the names of its cells and tunings."""
+        outer, inner = self._noted, set[tuple[str, str]]()
+        self._noted = inner
+        try:
+            yield inner
+        finally:
+            outer |= inner
+            self._noted = outer
+
+    def sides(self, select: Mapping[str, Any], than: Mapping[str, Any]) -> tuple["pd.DataFrame", "pd.DataFrame"]:
+        """Return the episodes of the cells that are compared, of the one and of the other.
+
+        Raises:
+            DescriptionError: they ran in different simulators.
+        """
+        sides = self.select(**select), self.select(**than)
+        simulators = sorted({simulator for rows in sides for simulator in rows["simulator"].unique()})
+        if len(simulators) > 1:
+            labels = " and ".join(rows["label"].iloc[0] for rows in sides)
+            raise DescriptionError(
+                f"{self.results.path}: {labels} ran in {' and '.join(simulators)}; compare cells of one simulator"
+            )
+        return sides
 
     def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any], each: bool = False) -> "pd.DataFrame":
         """Return the pairs of two controllers that met the same start and noise, the other's columns with "_other".
@@ -251,9 +293,10 @@ class StoredResults:
             each: whether one that met the same start several times, as with several tunings, makes a pair each time.
 
         Raises:
-            DescriptionError: one of them met a start several times, as with several tunings: pairs are not single.
+            DescriptionError: one of them met a start several times, as with several tunings: pairs are not single;
+                and as ``sides``.
         """
-        sides = self.select(**select), self.select(**than)
+        sides = self.sides(select, than)
         for rows in sides:
             if not each and rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")

@@ -43,6 +43,7 @@ class Tune(Run):
     budget: int = omegaconf.MISSING
     worlds: list[str] = omegaconf.MISSING
     name: str | None = omegaconf.MISSING
+    verify: str | None = omegaconf.MISSING
 
 
 def schema_of(description: Any, *, without: tuple[str, ...] = ()) -> type:

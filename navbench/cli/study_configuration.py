@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from hydra.errors import HydraException
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
@@ -13,6 +14,8 @@ from navbench.analysis.claims import check_claims
 from navbench.cli.building import made
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
 from navbench.cli.configuration import cell_of, without
+from navbench.cli.errors import one_line
+from navbench.cli.progress import complain
 from navbench.cli.references import check_references
 from navbench.cli.tunable import dimensions_of
 from navbench.experiments.cells import Cell
@@ -26,7 +29,7 @@ Words = tuple[str, ...]
 
 TUNER = ("population", "generations(space, rng)")
 REPAIR = ("__call__(values)",)
-OF_A_TUNING = ("tuner", "objective", "budget", "name", "world", "worlds", "workers", "hydra")  # not of its cells
+OF_A_TUNING = "tuner objective budget name world worlds verify workers hydra".split()  # not of its cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -185,6 +188,7 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
     """
     values, choices = composed.values, composed.choices
     cell = cell_of(composed)
+    cells = (cell, *_further_cells(values["worlds"], choices, overrides, composer))
     tunable = values["controller"].get("tunable") or {}
     if not tunable:
         raise DescriptionError(
@@ -201,7 +205,7 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
         name=name,
         tuner_name=str(choices["tuner"]),
         objective_name=str(choices["objective"]),
-        cells=(cell, *_further_cells(values["worlds"], choices, overrides, composer)),
+        cells=cells,
         tuner=made("tuner.build", searched["tuner"].get("build"), TUNER),
         dimensions=dimensions_of(tunable, cell.configuration["controller"]["build"]),
         objective=describe(Objective, searched["objective"], "objective"),
@@ -210,6 +214,7 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
         configuration=configuration if repair is None else {**configuration, "repair": repair},
         sources={part: values[part].get("sources", {}) for part in searched},
         repair=None if repair is None else made("controller.repair", repair, REPAIR),
+        verified_in=_verified_in(values["verify"], cells, overrides, composer),
     )
 
 
@@ -224,8 +229,42 @@ def _further_cells(
     for i, world in enumerate(worlds):
         if world in (choices["world"], *worlds[:i]):
             raise DescriptionError(f"worlds[{i}]={world}: stands there twice; `world` is the first of them")
-    controller = f"controller={choices['controller']}"
+    chosen = [f"{group}={choices[group]}" for group in ("controller", "simulator")]
     kept = [
-        word for word in overrides if key_of(word) != "controller" and key_of(word).split(".")[0] not in OF_A_TUNING
+        word
+        for word in overrides
+        if key_of(word) not in ("controller", "simulator") and key_of(word).split(".")[0] not in OF_A_TUNING
     ]
-    return [cell_of(composer.values("run", [controller, *kept, f"world={world}"])) for world in worlds]
+    return [cell_of(composer.values("run", [*chosen, *kept, f"world={world}"])) for world in worlds]
+
+
+def _verified_in(
+    simulator: str | None, cells: Sequence[Cell], overrides: Sequence[str], composer: Composer
+) -> tuple[Cell, ...]:
+    """Return a tuning's cells in the simulator that verifies; none, and said, where it lacks what it needs.
+
+    Raises:
+        DescriptionError: there is no such simulator, or as ``cell_of``.
+    """
+    if simulator in (None, cells[0].names.simulator):
+        return ()
+    words = [word for word in overrides if key_of(word).startswith("simulator.")]
+    try:
+        other = cell_of(composer.values("run", [f"simulator={simulator}", *words]))
+    except (HydraException, DescriptionError) as error:
+        said = one_line(error)
+        if not said.startswith("simulator._target_="):
+            raise DescriptionError(f"{said.replace('simulator=', 'verify=', 1)}, or null for none") from None
+        complain(f"verify={simulator}: skipped; {said}")
+        return ()
+    return tuple(
+        replace(
+            cell,
+            names=cell.names._replace(simulator=simulator),
+            configuration={**cell.configuration, "simulator": other.configuration["simulator"]},
+            sources={**cell.sources, "simulator": other.sources["simulator"]},
+            simulator=other.simulator,
+            options=other.options,
+        )
+        for cell in cells
+    )

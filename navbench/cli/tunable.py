@@ -14,7 +14,8 @@ def dimensions_of(tunable: Mapping[str, Any], build: dict[str, Any]) -> tuple[Si
 
     Args:
         tunable: bounds ``{low, high, scale}`` or ``{choices}`` by the dotted place, below ``build``, of a parameter,
-            or of a mapping, which stands for every parameter in it.
+            or of a mapping, which stands for every parameter in it. What ``build`` has as a whole number is searched
+            as one, unless ``integer`` beside the bounds says otherwise.
         build: the controller's ``build``; the search starts from what it holds.
 
     Raises:
@@ -22,21 +23,20 @@ def dimensions_of(tunable: Mapping[str, Any], build: dict[str, Any]) -> tuple[Si
     """
     dimensions: dict[str, Side] = {}
     for key, bounds in tunable.items():
-        whole = _dimension(key, bounds)
         for name, value in leaves_below(key, build).items():
             if name in dimensions:
                 raise DescriptionError(f"controller.tunable.{key}: {name} is named there twice")
-            dimensions[name] = _started(whole, name, value)
+            dimensions[name] = _started(_dimension(key, bounds, value), name, value)
     return tuple(dimensions.values())
 
 
-def _dimension(key: str, bounds: Any) -> Side:
+def _dimension(key: str, bounds: Any, value: Any) -> Side:
     """Return a dimension without a start."""
     try:
         if isinstance(bounds, dict) and set(bounds) == {"choices"}:
             return Choice(key, bounds["choices"])
-        if isinstance(bounds, dict) and set(bounds) == {"low", "high", "scale"}:
-            return Dimension(key, **bounds)
+        if isinstance(bounds, dict) and set(bounds) - {"integer"} == {"low", "high", "scale"}:
+            return Dimension(key, **{"integer": type(value) is int, **bounds})
     except ValueError as error:
         raise DescriptionError(f"controller.tunable.{error}") from None
     raise DescriptionError(f"controller.tunable.{key}: must hold low, high and scale, or choices, got {bounds!r}")
@@ -55,6 +55,5 @@ def _started(whole: Side, name: str, value: Any) -> Side:
     try:
         return replace(whole, name=name, start=value)
     except ValueError:
-        raise DescriptionError(
-            f"{place}: must be between {whole.low!r} and {whole.high!r}, the bounds of controller.tunable.{whole.name}"
-        ) from None
+        allowed = f"{'a whole number ' if whole.integer else ''}between {whole.low!r} and {whole.high!r}"
+        raise DescriptionError(f"{place}: must be {allowed}, the bounds of controller.tunable.{whole.name}") from None

@@ -15,6 +15,7 @@ HELP = """navbench tune controller=NAME tuner=NAME [...]: search a controller's 
   tuner= objective=                                 how to search, and for what: `navbench list tuner objective`
   budget=N                                          how many evaluations
   world= worlds=[...]                               where, and in which further worlds
+  simulator=planar verify=pybullet                  where it searches, and where the best is run again (null: nowhere)
   name=WORD                                         what to call the tuned controller; default TUNER_CONTROLLER
   +controller.tunable.KEY={low: X, high: X, scale: linear}
                                                     search one more parameter of the controller, within bounds
@@ -55,6 +56,9 @@ def tune(arguments: Sequence[str]) -> int:
         print_tables(results)
         print(f"cost {cost:.6g} at evaluation {index} of {tuning.budget}:")
         print(_changes(tuning, best))
+        for check in results.checks().to_dict("records"):
+            told = f"{check['kind']} ({check['simulator']})"
+            print(f"  {told:<22} cost {check['cost']:<10.6g} {check['reached']} of {check['robots']} reached")
         print(f"controller: {file}; {_use(file, tuning.cells[0].names.controller, words.config_dir)}")
 
     untuned = [replace(cell, name="tune", label=f"untuned {cell.names.controller}") for cell in tuning.cells]

@@ -11,7 +11,7 @@ from navbench.experiments.cells import leaves_below
 from navbench.experiments.store import write_table
 from navbench.experiments.tunings import Tuning
 
-TOLD = ("controller", "tuner", "objective", "world", "worlds", "budget", "seed", "name", "workers")  # or of no matter
+TOLD = "controller tuner objective simulator world worlds budget seed name workers verify".split()  # or of no matter
 
 
 def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, overrides: Sequence[str] = ()) -> Path:
@@ -28,6 +28,7 @@ def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, 
     controller = cell.names.controller
     worlds = ", ".join(cell.names.world for cell in tuning.cells)
     how = f"navbench tune controller={controller} tuner={tuning.tuner_name} objective={tuning.objective_name}"
+    how += f" simulator={cell.names.simulator}"
     further = [word for word in overrides if key_of(word) not in TOLD and not key_of(word).startswith("hydra.")]
     source = {"tuned": f"{' '.join([how, *further])}, in {worlds}, budget={tuning.budget}", "seed": tuning.seed}
     whole = cell.configuration["controller"]["build"]

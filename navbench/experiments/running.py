@@ -14,7 +14,7 @@ from navbench.experiments.engines import Work, run
 from navbench.experiments.files import discard_empty, existing
 from navbench.experiments.plan import Plan, batches_of_all
 from navbench.experiments.store import Results, batch_name, tuning_name, unfinished_name
-from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, run_tuning
+from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, checks_of, run_tuning
 from navbench.records import TuningKey
 from navbench.validation import DescriptionError
 
@@ -125,6 +125,7 @@ def _search(
         progress(record)
 
     record = run_tuning(search.tuning, workers, known, keep)
+    results.write_checks(key, checks_of(search.tuning, record), search.code)
     results.write_evaluations(key, record.columns(), search.code)
     return record.evaluations[record.best_index]
 
@@ -166,7 +167,7 @@ class _Running:
         codes = [self._code(key.configuration, SEARCH) for key in keys]
         whole = dict(zip(map(tuning_name, keys), codes, strict=True))
         parts = whole | dict(zip(map(unfinished_name, keys), codes, strict=True))
-        self.results.keep_only(["evaluations"], parts)
+        self.results.keep_only(["evaluations", "checks"], parts)
         stale = self._of_other_code("evaluations", parts)
         self.results.keep_only(["evaluations"], set(parts) - (stale - set(whole)))
         todo = [

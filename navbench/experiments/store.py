@@ -215,6 +215,14 @@ class Results:
         if whole:
             (self.path / unfinished).unlink(missing_ok=True)
 
+    def write_checks(self, tuning: TuningKey, checks: Sequence[Any], code: str = "") -> None:
+        """Write what the best of a tuning cost when it was run again: named tuples, a row each."""
+        import pyarrow as pa
+
+        names = {"tuning_id": tuning.tuning_id, "name": tuning.name, "tuner": tuning.tuner, "seed": tuning.seed}
+        rows = [{**names, **check._asdict()} for check in checks]
+        self._write_table(f"checks/{tuning_name(tuning)}", pa.Table.from_pylist(rows), code)
+
     def write_description(self, name: str, columns: Mapping[str, Any]) -> None:
         """Write a named table that a controller offers of itself."""
         import pyarrow as pa
@@ -259,6 +267,14 @@ class Results:
     def evaluations(self) -> "pd.DataFrame":
         """Return what the tunings evaluated, sorted by name, tuner, seed and evaluation."""
         return self._read("evaluations", ["name", "tuner", "seed", "evaluation"])
+
+    def checks(self) -> "pd.DataFrame":
+        """Return what the best of each tuning cost when it was run again, by name, tuner and seed; may be empty."""
+        import pandas as pd
+
+        if any((self.path / "checks").glob("part-*.parquet")):
+            return self._read("checks", ["name", "tuner", "seed"])
+        return pd.DataFrame(columns=["name", "seed", "kind", "simulator", "cost"])
 
     def evaluations_of(self, tuning: TuningKey, *, whole: bool = True) -> "pd.DataFrame":
         """Return what one tuning evaluated, in order; or where it is not ``whole``, as far as it came."""

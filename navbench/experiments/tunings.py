@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,6 @@ from navbench.tuning.search import Tuner, batches
 from navbench.tuning.space import Repair, Side, space_of
 from navbench.validation import STRICT, DescriptionError, NonNegative, Number
 
-SEEDS_MAX = 2**63  # of an evaluation
 BUDGET_MAX = 10**6  # evaluations: more are a slip, and would fill the memory
 
 
@@ -93,10 +92,11 @@ class Tuning:
             choices, and where they start.
         objective: what an episode costs.
         budget: how many evaluations.
-        seed: of the tuner, and with an evaluation's index, of that evaluation's episodes.
+        seed: of the tuner and of the episodes, which are the same ones in every evaluation.
         configuration: tuner, objective, bounds and repair as plain values, for the manifest.
         sources: where the tuner's and the objective's parameters come from.
         repair: makes hold what must hold between the parameters, see ``space_of``; None where the bounds are all.
+        verified_in: the same cells in another simulator, in which the best is run again; none for in no other.
     """
 
     name: str
@@ -111,6 +111,7 @@ class Tuning:
     configuration: Mapping[str, Any]
     sources: Mapping[str, Any]
     repair: Repair | None = None
+    verified_in: tuple[Cell, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the metrics that cost, the budget, and that the repair can mend where the search starts.
@@ -135,14 +136,14 @@ class Tuning:
 
     def key(self) -> TuningKey:
         """Return what results know of this tuning."""
-        cells = [cell.key() for cell in self.cells]
+        cells = [cell.key() for cell in (*self.cells, *self.verified_in)]
         config_hash = digest([self.configuration, [(cell.config_hash, cell.episodes) for cell in cells]])
         return TuningKey(
             self.name,
             self.tuner_name,
             self.objective_name,
             cells[0].names.controller,
-            tuple(cell.names.world for cell in cells),
+            tuple(cell.names.world for cell in self.cells),
             config_hash,
             digest([config_hash, self.budget, self.seed]),
             self.seed,
@@ -165,6 +166,29 @@ class Evaluation(NamedTuple):
         robots: of how many.
     """
 
+    cost: float
+    reached: int
+    robots: int
+
+
+class Check(NamedTuple):
+    """What the best of a tuning cost when it was run again.
+
+    Attributes:
+        kind: "searched" over the episodes of the search, "verified" over the same in another simulator, "fresh" over as
+            many that the search has not seen.
+        simulator: in which.
+        first_episode: the index of the first episode.
+        episodes: how many, in each world.
+        cost: as of an ``Evaluation``, and so below.
+        reached: how many robots reached their goals.
+        robots: of how many.
+    """
+
+    kind: str
+    simulator: str
+    first_episode: int
+    episodes: int
     cost: float
     reached: int
     robots: int
@@ -236,6 +260,21 @@ def run_tuning(
                 return TuningRecord(tuning.dimensions, ended.value.values, tuple(evaluations), ended.value.best_index)
 
 
+def checks_of(tuning: Tuning, record: TuningRecord) -> list[Check]:
+    """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator."""
+    checks = []
+    fresh, fresh_in = (
+        tuple(replace(c, first_episode=c.indices.stop) for c in cells) for cells in (tuning.cells, tuning.verified_in)
+    )
+    asked = (("searched", tuning.cells), ("verified", tuning.verified_in), ("fresh", fresh), ("fresh", fresh_in))
+    for kind, cells in asked:
+        if cells:
+            part = _Part(replace(tuning, cells=cells), 0, record.values[record.best_index][None, :])
+            where = cells[0].names.simulator, cells[0].first_episode, cells[0].episodes
+            checks.append(Check(kind, *where, *_evaluate_part(part)[0]))
+    return checks
+
+
 class _Part(NamedTuple):
     """Some evaluations of one generation."""
 
@@ -249,7 +288,7 @@ def _evaluator(tuning: Tuning, workers: int | None) -> Iterator[Callable[[int, F
     """Give a function that evaluates a generation, here or in worker processes."""
     if workers == 1:
         with _runners(tuning) as runners:
-            yield lambda first, values: _evaluate(tuning, runners, first, values)
+            yield lambda first, values: _evaluate(tuning, runners, values)
         return
 
     def evaluate(first: int, values: FloatArray) -> list[Evaluation]:
@@ -269,7 +308,7 @@ def _runners(tuning: Tuning) -> Iterator[list[EpisodeRunner]]:
 
 def _evaluate_part(part: _Part) -> list[Evaluation]:
     with _runners(part.tuning) as runners:
-        return _evaluate(part.tuning, runners, part.first_index, part.values)
+        return _evaluate(part.tuning, runners, part.values)
 
 
 def _pieces(part: _Part) -> list[_Part]:
@@ -291,19 +330,16 @@ def _join(parts: Sequence[list[Evaluation]]) -> list[Evaluation]:
 EVALUATIONS: Work[_Part, list[Evaluation]] = Work(_evaluate_part, _pieces, _lost, _join)
 
 
-def _evaluate(
-    tuning: Tuning, runners: Sequence[EpisodeRunner], first_index: int, values: FloatArray
-) -> list[Evaluation]:
-    """Evaluate some points; each one's chance hangs on its own index alone."""
+def _evaluate(tuning: Tuning, runners: Sequence[EpisodeRunner], values: FloatArray) -> list[Evaluation]:
+    """Evaluate some points, all over the same episodes, so that their costs differ by their parameters alone."""
     evaluations = []
-    for index, point in enumerate(values.tolist(), first_index):
-        seed = int(np.random.SeedSequence([tuning.seed, index]).generate_state(1, np.uint64)[0] % SEEDS_MAX)
+    for point in values.tolist():
         parameters = tuning.parameters(point)
         costs: list[float] = []
         reached = robots = 0
         for cell, runner in zip(tuning.cells, runners, strict=True):
             runner.make_controller = cell.with_parameters(parameters).make_controller
-            runner.seed = seed
+            runner.seed = tuning.seed
             for episode in cell.indices:
                 for record in runner.run(episode):
                     robots += 1

@@ -14,7 +14,7 @@ from navbench.validation import DescriptionError, instead
 
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
 SHOWN = ("show", "decimals", "signed")
-CLAIMS = ("id", "statement", "where", "printed", "measured", "n", "tolerance", "evidence", "verdict")
+CLAIMS = ("id", "statement", "where", "printed", "measured", "n", "simulator", "tolerance", "evidence", "verdict")
 
 
 def findings(page: Page, *, sentences: Sequence[Mapping[str, Any]]) -> Blocks:
@@ -106,6 +106,7 @@ def _told(claim: Mapping[Any, Any]) -> list[str]:
     return [
         *found,
         str(claim["n"]),
+        claim["simulator"],
         claim["tolerance"],
         plain(claim["evidence"]),
         plain(claim["verdict"]) + reason,

@@ -19,6 +19,8 @@ PARAMETERS_SHOWN_MAX = 8  # of more, as of a whole rule table, a table shows not
 def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, unit: str = "") -> Blocks:
     """Return how tuners fell over an equal budget and what they found, over their seeds.
 
+    Beside the least cost stands what the best cost when it was run again: the search's own episodes flatter.
+
     Args:
         tunings: the name of each tuning and what it is called, as are the cells that take its best; None for all.
         unit: of the cost.
@@ -32,14 +34,21 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
         parameters = []
     least = best.pivot(index="seed", columns="name", values="cost")[list(tunings)]
     ranking = friedman(least.to_numpy()) if len(tunings) > 2 and len(least) > 1 else None
+    checks = page.stored.checks
+    again = checks.loc[checks["kind"] != "searched", ["kind", "simulator"]].drop_duplicates().to_numpy().tolist()
+    costs = {tuple(key): rows["cost"].to_numpy() for key, rows in checks.groupby(["name", "kind", "simulator"])}
     entries = []
     for i, (name, label) in enumerate(tunings.items()):
         mine = best[best["name"] == name]
         found = [median_and_range(mine[x].to_numpy(dtype=float)) for x in ("cost", *parameters)]
         rank = ranking.mean_ranks[i] if ranking else None
-        entries.append([label, len(mine), len(rows[rows["name"] == name]) // len(mine), found[0], rank, *found[1:]])
+        keys = [(name, *pair) for pair in again]
+        checked = [median_and_range(costs[key]) if key in costs else None for key in keys]
+        count = len(rows[rows["name"] == name]) // len(mine)
+        entries.append([label, len(mine), count, found[0], rank, *checked, *found[1:]])
     columns = [Column("", "label"), Column("seeds", "seeds"), Column("evaluations", "budget")]
     columns += [Column("least cost", "cost", decimals=5), Column("mean rank", "mean_rank", decimals=1)]
+    columns += [Column(f"{kind} ({of})", f"{kind}_{of}", decimals=5) for kind, of in again]
     columns += [Column(name, name) for name in parameters]
     kept = best[["name", "seed", "evaluation", "cost", *parameters]].sort_values(["name", "seed"])
     every = Table(
@@ -49,6 +58,8 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
         title="The best of every tuning",
     )
     test = "Median [range] over the seeds."
+    if "verified" not in [kind for kind, _ in again]:
+        test += " Not verified: no best was run again in another simulator."
     if ranking:
         test += (
             f" Friedman's test over {ranking.n} seeds: chi-square {ranking.statistic:.2f}, "

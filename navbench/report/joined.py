@@ -114,7 +114,7 @@ def read_claims(file: Path) -> "pd.DataFrame":
         table = pd.read_csv(file, dtype={"id": str, "statement": str, "reason": str, "unit": str})
     except (ValueError, OSError) as error:
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
-    table = table.fillna({"reason": "", "unit": "", "where": "", "evidence": ""})
+    table = table.fillna({"reason": "", "unit": "", "where": "", "evidence": "", "simulator": ""})
     if list(table.columns) != list(COLUMNS):
         raise DescriptionError(f"{file}: its columns must be {', '.join(COLUMNS)}")
     for column, allowed in (("verdict", (*VERDICTS, *HYPOTHESIS_VERDICTS)), ("evidence", (*EVIDENCE, ""))):

@@ -122,21 +122,12 @@ def _making(stored: StoredResults, config_dir: str | None) -> list[Block]:
         f"`navbench study {name}{own}` runs it all and writes this report; "
         f"`navbench report outputs/study/{name}{trust}` writes the report again from stored results, and runs nothing. "
         f"Measured: {episodes} episodes in {len({cell['run_id'] for cell in cells})} cells, seed {seeds}{tuned}, "
-        f"on {manifest['platform']}.{_simulators(cells)}"
+        f"on {manifest['platform']}."
     )
     versions = {"Python": manifest["python"], **manifest["versions"]}
     table = Table("", [Column(""), Column("version")], [list(pair) for pair in versions.items()])
     told = map(Paragraph, [text, *stored.missing])
     return [Heading("How it was made"), *told, Link("Manifest", "manifest.json"), table]
-
-
-def _simulators(cells: Sequence[Mapping[str, Any]]) -> str:
-    """Return which simulator ran which cells, by their names, as a sentence."""
-    names = {
-        cell["simulator"]: dict.fromkeys(c["name"] for c in cells if c["simulator"] == cell["simulator"])
-        for cell in cells
-    }
-    return f" By simulator: {'; '.join(f'{one}: ' + ', '.join(of) for one, of in sorted(names.items()))}."
 
 
 def _named(study: Mapping[str, Any]) -> list[str]:

@@ -1,6 +1,6 @@
 """What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.stored import StoredResults, leaves_of
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SCENE = ("world", "start_jitter_m", "start_heading_jitter_rad")  # what cells share that met the same starts
+ENGINE = "simulator._target_"  # of a cell's simulator, whose numbers are compared with its own alone
 
 
 class Joined(Results):
@@ -39,7 +40,7 @@ class Joined(Results):
             for cell in manifest["cells"]
             if self._where[cell["run_id"]] is run
         ]
-        scenes, rest = zip(*(_halves(cell["configuration"]) for cell in cells), strict=True)
+        scenes, rest = zip(*map(_halves, cells), strict=True)
         worlds, controllers = ([cell[group] for cell in cells] for group in ("world", "controller"))
         names = _told_apart(worlds, scenes, worlds)
         labels = _told_apart(controllers, rest, list(zip(controllers, names, strict=True)))
@@ -71,10 +72,16 @@ class Joined(Results):
 
     def evaluations(self) -> "pd.DataFrame":
         """Return the table of evaluations."""
+        return self._of_tunings(Results.evaluations)
+
+    def checks(self) -> "pd.DataFrame":
+        """Return the table of what the best of each tuning cost when it was run again."""
+        return self._of_tunings(Results.checks)
+
+    def _of_tunings(self, table: Callable[[Results], "pd.DataFrame"]) -> "pd.DataFrame":
         import pandas as pd
 
-        tuned = [run.evaluations() for run in self._runs if run.manifest()["tunings"]]
-        return pd.concat(tuned, ignore_index=True)
+        return pd.concat([table(run) for run in self._runs if run.manifest()["tunings"]], ignore_index=True)
 
 
 def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
@@ -90,11 +97,12 @@ def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
     return [*outline, *({"name": name} for name in shown)]
 
 
-def _halves(configuration: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return a configuration's leaves: those of the scene, and the rest."""
-    values = dict(leaves_of(configuration))
+def _halves(cell: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the leaves of a cell's configuration: those of the scene, its simulator among them, and the rest."""
+    values = {key: value for key, value in leaves_of(cell["configuration"]) if key != ENGINE}
     scene = {key: value for key, value in values.items() if key.split(".")[0] in SCENE}
-    return scene, {key: value for key, value in values.items() if key not in scene}
+    rest = {key: value for key, value in values.items() if key not in scene}
+    return {**scene, "simulator": cell["simulator"]}, rest
 
 
 def _told_apart(names: Sequence[str], values: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:

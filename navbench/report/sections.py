@@ -2,7 +2,7 @@
 
 import inspect
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from typing import Any, TypeAlias, get_args
 
@@ -92,7 +92,16 @@ def build_section(page: Page, spec: Spec | str) -> list[Block]:
     title = spec.get("title") or name.replace("_", " ").capitalize()
     text = [Paragraph(spec["text"])] if spec.get("text") else []
     here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
-    return [Heading(title), *text, *_built(section, here, arguments, str(spec["name"]))]
+    with page.stored.noting() as noted:
+        blocks = _built(section, here, arguments, str(spec["name"]))
+    return [Heading(title), *text, *_simulators(noted), *blocks]
+
+
+def _simulators(noted: Set[tuple[str, str]]) -> list[Block]:
+    """Return the line that says which simulator made a section's numbers, of which cells where there are several."""
+    found = {simulator: sorted(name for of, name in noted if of == simulator) for simulator, _ in sorted(noted)}
+    told = [f"{simulator} ({', '.join(names)})" if len(found) > 1 else simulator for simulator, names in found.items()]
+    return [Paragraph(f"Simulator: {'; '.join(told)}.")] if told else []
 
 
 def _built(section: Section, page: Page, arguments: Mapping[str, Any], name: str) -> Blocks:

@@ -112,8 +112,10 @@ def summary(page: Page) -> Blocks:
     rows = []
     for row in table.to_dict("records"):
         arrived = wilson(row["reached"], row["of"]) if row["of"] else None
-        rows.append([row["name"], row["label"], row["seed"], arrived, arrived, *(row[name] for name in summed)])
-    columns = [Column("world", "world"), Column("controller", "controller"), Column("seed", "seed")]
+        told = [row[key] for key in ("name", "label", "simulator", "seed")]
+        rows.append([*told, arrived, arrived, *(row[name] for name in summed)])
+    columns = [Column("world", "world"), Column("controller", "controller")]
+    columns += [Column("simulator", "simulator"), Column("seed", "seed")]
     columns += [Column("reached", show="count"), Column("share", "reached", decimals=3)]
     columns += [Column(metric.title, metric.name, metric.unit) for metric in held]
     columns += [*(Column(name.replace("_", " "), name) for name in FAILURES), Column("makespan", "makespan_s", "s")]

@@ -24,6 +24,7 @@ class Dimension:
         high: its value at 1, above ``low``.
         scale: "linear", or "log": equal steps of the unit multiply the value by equal factors; ``low`` is above 0.
         start: its value before the search, or None; the start's place leads back to exactly this value.
+        integer: whether only whole numbers are tried: a place stands for the nearest one.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Dimension:
     high: float
     scale: Scale
     start: float | None = None
+    integer: bool = False
 
     def __post_init__(self) -> None:
         """Check the bounds.
@@ -39,10 +41,14 @@ class Dimension:
             ValueError: a value is wrong; the message names it and what is allowed.
         """
         _check_name(self.name)
+        if not isinstance(self.integer, bool):
+            raise ValueError(f"{self.name}.integer={self.integer!r}: must be true or false")
         for key in ("low", "high"):
             value = getattr(self, key)
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise ValueError(f"{self.name}.{key}={value!r}: must be a finite number")
+            if self.integer and value != int(value):
+                raise ValueError(f"{self.name}.{key}={value!r}: must be a whole number, or integer: false")
         if self.scale not in get_args(Scale):
             raise ValueError(f"{self.name}.scale={self.scale!r}: must be one of {', '.join(get_args(Scale))}")
         if self.high <= self.low:
@@ -53,6 +59,8 @@ class Dimension:
             raise ValueError(f"{self.name}.high={self.high!r}: must be a finite distance above low={self.low!r}")
         if self.start is not None:
             self.unit_at(self.start)
+            if self.integer and self.start != int(self.start):
+                raise ValueError(f"{self.name}.start={self.start!r}: must be a whole number")
 
     @property
     def levels(self) -> int:
@@ -74,7 +82,8 @@ class Dimension:
             value = math.exp((1.0 - unit) * math.log(self.low) + unit * math.log(self.high))
         else:
             value = self.low + unit * (self.high - self.low)
-        return min(max(value, self.low), self.high)  # rounding may step over a bound
+        value = min(max(value, self.low), self.high)  # rounding may step over a bound
+        return float(round(value)) if self.integer else value
 
     def unit_at(self, value: float) -> float:
         """Return the place in [0, 1] of a value.
@@ -90,7 +99,7 @@ class Dimension:
 
     def parameter(self, value: float) -> float:
         """Return what a controller's parameter becomes: the value itself."""
-        return value
+        return int(value) if self.integer else value
 
 
 @dataclass(frozen=True, slots=True)

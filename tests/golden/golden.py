@@ -104,7 +104,8 @@ def _tuning(words: str, folder: Path) -> dict[str, Any]:
 
     from navbench.cli import main as cli
 
-    argv, sys.argv = sys.argv, ["navbench", "tune", *words.split(), "workers=1", f"hydra.run.dir={folder}"]
+    engine = ["simulator=pybullet", "verify=null"]
+    argv, sys.argv = sys.argv, ["navbench", "tune", *words.split(), *engine, "workers=1", f"hydra.run.dir={folder}"]
     sys.stdout.flush()
     out = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
