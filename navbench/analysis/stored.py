@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.analysis.cases import cases_of
 from navbench.experiments.store import Results, ResultsError
 from navbench.metrics import DECLARED, Metric
 from navbench.validation import DescriptionError
@@ -24,6 +26,24 @@ SELECTABLE = (  # what chooses cells or robots; "cell" is a study's name of some
 )
 
 
+@dataclass(slots=True)
+class Used:
+    """What was looked at.
+
+    Attributes:
+        cells: simulator, name and run_id of the cells whose episodes were selected.
+        tables: the names of the tables that controllers offered of themselves.
+    """
+
+    cells: set[tuple[str, str, str]] = field(default_factory=set)
+    tables: set[str] = field(default_factory=set)
+
+    @property
+    def simulators(self) -> dict[str, set[str]]:
+        """The names of the cells by their simulator."""
+        return {simulator: {name for of, name, _ in self.cells if of == simulator} for simulator, _, _ in self.cells}
+
+
 class StoredResults:
     """A results directory, read once.
 
@@ -35,7 +55,7 @@ class StoredResults:
         self.results = results
         self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
-        self._noted: set[tuple[str, str]] = set()
+        self._used = Used()
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
@@ -50,9 +70,10 @@ class StoredResults:
     def episodes(self) -> "pd.DataFrame":
         """The table of the episodes that were driven, with each cell's name, label, tuning and tuning_seed in front.
 
-        A cell that stands under two names gives its rows twice.
+        A cell that stands under two names gives its rows twice. Rows that share ``case`` and their start are one case.
         """
-        return self.cells.merge(driven(self.rows), on="run_id")
+        rows = self.cells.merge(driven(self.rows), on="run_id")
+        return rows.assign(case=rows["run_id"].map(cases_of(self.manifest)))
 
     @cached_property
     def planned(self) -> dict[str, set[int]]:
@@ -141,6 +162,7 @@ class StoredResults:
         if table not in self.descriptions:
             allowed = ", ".join(self.descriptions) or "none"
             raise DescriptionError(f"{self.results.path}: no description {table!r}; there are: {allowed}")
+        self._used.tables.add(table)
         rows = self.descriptions[table]
         for column in columns:
             if column not in rows.columns:
@@ -247,19 +269,26 @@ class StoredResults:
         rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
-        self._noted |= set(rows[["simulator", "name"]].drop_duplicates().itertuples(index=False, name=None))
+        self._used.cells |= set(
+            rows[["simulator", "name", "run_id"]].drop_duplicates().itertuples(index=False, name=None)
+        )
         return rows
 
+    def cases(self, **wanted: Any) -> "pd.DataFrame":
+        """Return the independent cases among the episodes that match, see ``cases_of``; errors as of ``select``."""
+        return self.select(**wanted).drop_duplicates(["case", *PAIR])
+
     @contextmanager
-    def noting(self) -> Iterator[set[tuple[str, str]]]:
-        """Give a set that holds the simulators of all episodes that are selected meanwhile, with the cells' names."""
-        outer, inner = self._noted, set[tuple[str, str]]()
-        self._noted = inner
+    def noting(self) -> Iterator[Used]:
+        """Give what holds, at the end, all that was looked at meanwhile."""
+        outer, inner = self._used, Used()
+        self._used = inner
         try:
             yield inner
         finally:
-            outer |= inner
-            self._noted = outer
+            outer.cells |= inner.cells
+            outer.tables |= inner.tables
+            self._used = outer
 
     def sides(self, select: Mapping[str, Any], than: Mapping[str, Any]) -> tuple["pd.DataFrame", "pd.DataFrame"]:
         """Return the episodes of the cells that are compared, of the one and of the other.
@@ -282,7 +311,8 @@ class StoredResults:
         Args:
             select: the cells of the one.
             than: the cells of the other.
-            each: whether one that met the same start several times, as with several tunings, makes a pair each time.
+            each: whether one that met the same start several times, as with several tunings, makes a pair for each of
+                its independent cases.
 
         Raises:
             DescriptionError: one of them met a start several times, as with several tunings: pairs are not single;
@@ -292,7 +322,8 @@ class StoredResults:
         for rows in sides:
             if not each and rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
-        return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+        rows = sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+        return rows.drop_duplicates([*PAIR, "case", "case_other"])
 
 
 def driven(rows: "pd.DataFrame") -> "pd.DataFrame":
