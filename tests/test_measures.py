@@ -355,6 +355,11 @@ def test_runs_whose_tuned_gains_hardly_differ_are_one_case_of_a_start(tmp_path: 
     better = {"metric": "time_s", "than": {"label": ["A", "B", "D"]}}
     assert value_of(stored, "share_better", select={"label": "E"}, **better).n == 4
     assert len(stored.select(label=["A", "B"])) == 4
+    alike = {"label": ["A", "C", "D"], "same_case": ["label"]}
+    assert value_of(stored, "share_reached", select=alike).n == 2
+    assert measure(stored, "share_better", {"metric": "time_s", "label": "E", "than": alike}).n == 2  # type: ignore[union-attr]
+    with pytest.raises(DescriptionError, match="same_case=lable: did you mean label?"):
+        stored.cases(label="A", same_case=["lable"])
 
 
 def test_one_run_has_no_interval(tmp_path: Path) -> None:

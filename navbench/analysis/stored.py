@@ -1,6 +1,6 @@
 """A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from navbench.analysis.cases import cases_of
 from navbench.experiments.store import Results, ResultsError
 from navbench.metrics import DECLARED, Metric
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 from navbench.world.layout import DrawnWorld, in_common, layout_of
 from navbench.world.world import drawn
 
@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
 SELECTABLE = (  # what chooses cells or robots; "cell" is a study's name of some cells
     *("cell", "label", "tuning", "tuning_seed", "controller", "world", "robot", "sensors", "simulator"),
-    *("seed", "episode", "robot_index"),
+    *("seed", "episode", "robot_index", "same_case"),
 )
+CELL = ("name", "label", "tuning", "tuning_seed", "controller", "robot", "sensors", "simulator")
 
 
 @dataclass(slots=True)
@@ -254,8 +255,13 @@ class StoredResults:
         """The labels of all cells, in the order in which the study first names them."""
         return list(dict.fromkeys(cell["label"] for cell in self.manifest["cells"]))
 
-    def select(self, **wanted: Any) -> "pd.DataFrame":
+    def select(self, *, same_case: Sequence[str] = (), **wanted: Any) -> "pd.DataFrame":
         """Return the episodes of the cells that match: a value for each column, or a list of allowed ones.
+
+        Args:
+            same_case: what makes no other case of a start, such as ``[label, tuning_seed]`` of controllers that do the
+                same; without it the column ``case`` tells, see ``cases_of``.
+            wanted: the value, or values, of each column.
 
         Raises:
             DescriptionError: there is no such column, or no episode matches.
@@ -269,6 +275,10 @@ class StoredResults:
         rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
+        if wrong := [column for column in same_case if column not in CELL]:
+            raise DescriptionError(f"select.same_case={wrong[0]}: {instead(wrong[0], CELL)}")
+        if same_case:
+            rows = rows.assign(case=rows[[column for column in CELL if column not in same_case]].apply(tuple, axis=1))
         self._used.cells |= set(
             rows[["simulator", "name", "run_id"]].drop_duplicates().itertuples(index=False, name=None)
         )
