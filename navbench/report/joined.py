@@ -1,6 +1,7 @@
 """One page over the reports of several studies, from what their folders hold: claims, manifest and report."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,7 +26,12 @@ VERDICT_WORDS = (
     "another figure; *layout unknown*, the paper draws the world without numbers, so that a disagreement may be the "
     "layout's; *free*, none of these. Checks and our own questions are not counted."
 )
-NEWER = ("kind", "simulator", "plausible_low", "plausible_high", "hangs_on", "because")  # than some tables of claims
+FIGURES = ("measured", "low", "high", "n", "plausible_low", "plausible_high")  # the other columns are words
+NEWER: dict[str, Any] = {  # columns that some tables of claims do not have yet, with what they would hold
+    "kind": "claim",
+    **dict.fromkeys(("simulator", "hangs_on", "because"), ""),
+    **dict.fromkeys(("plausible_low", "plausible_high"), math.nan),
+}
 
 
 class Found(NamedTuple):
@@ -113,15 +119,13 @@ def read_claims(file: Path) -> "pd.DataFrame":
     if not file.is_file():
         return pd.DataFrame(columns=COLUMNS)
     try:
-        words = ("id", "statement", "reason", "unit", "printed")
-        table = pd.read_csv(file, dtype=dict.fromkeys(words, str))
+        texts = {column: str for column in COLUMNS if column not in FIGURES}
+        table = pd.read_csv(file, dtype=texts, na_values=dict.fromkeys(FIGURES, ""), keep_default_na=False)
     except (ValueError, OSError) as error:
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
     if [column for column in COLUMNS if column in table or column not in NEWER] != list(table.columns):
         raise DescriptionError(f"{file}: its columns must be {', '.join(COLUMNS)}")
-    table = table.reindex(columns=COLUMNS)
-    said = ("reason", "unit", "where", "evidence", "simulator", "printed", "hangs_on", "because", "verdict")
-    table = table.fillna({"kind": "claim", **dict.fromkeys(said, "")})
+    table = table.assign(**{column: value for column, value in NEWER.items() if column not in table})[COLUMNS]
     verdicts = (*VERDICTS, *HYPOTHESIS_VERDICTS, *CHECK_VERDICTS)
     for column, allowed in (("verdict", (*verdicts, "")), ("evidence", (*EVIDENCE, ""))):
         wrong = table[~table[column].isin(allowed)]
