@@ -22,12 +22,16 @@ from navbench.records import RobotRecord
 from navbench.simulation.base import Simulator
 from navbench.simulation.bullet import BulletSimulator
 from navbench.simulation.planar import PlanarSimulator
+from navbench.sources import Source
+from navbench.validation import describe
 
 CONF = Path(__file__).parents[1] / "conf"
 DESCRIBED = (*GROUPS, "tuner", "objective")
 FILES = [(group, name) for group in DESCRIBED for name in files_of(group, [CONF])]
 CONTROLLERS, WORLDS = list(files_of("controller", [CONF])), list(files_of("world", [CONF]))
-KINDS = {"paper", "derived", "public", "tuned", "fitted", "assumed"}
+CLAIMS = {
+    path.parent.name: set(yaml.safe_load(path.read_text())) for path in sorted((CONF / "study").glob("*/claims.yaml"))
+}
 OUTSIDE = {"defaults", "sources"}
 CellOf = Callable[[str, str], Cell]
 
@@ -93,9 +97,10 @@ def test_every_parameter_carries_its_source(group: str, name: str) -> None:
         assert len(covering) == 1, f"{leaf}: {covering or 'no source'}"
     for key, source in sources.items():
         assert any(leaf == key or leaf.startswith(f"{key}.") for leaf in parameters), f"{key}: no such parameter"
-        assert len(KINDS & set(source)) == 1, key
-        assert set(source) <= KINDS | {"range", "seed"}, key
-        assert all(value or kind == "seed" for kind, value in source.items()), key
+        for name in describe(Source, source, key).claims:
+            study, _, claim = name.partition(".")
+            assert claim in CLAIMS[study], f"{key}: {name}"
+        assert set(source.get("worlds", ())) <= set(WORLDS), key
 
 
 @pytest.mark.parametrize("simulator", [BulletSimulator, PlanarSimulator])

@@ -29,6 +29,7 @@ FLOORS = {
     "sensors": 1,
     "records": 1,
     "metrics": 1,
+    "sources": 1,
     "simulation": 2,
     "episode": 3,
     "experiments": 4,

@@ -23,13 +23,24 @@ NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GROUPS = {"one paper": ["plain"], "another": ["other"]}
 
 
-def a_report(folder: Path, name: str, claims: dict[str, dict[str, Any]], errata: list[dict[str, str]]) -> Path:
+def a_report(
+    folder: Path, name: str, claims: dict[str, dict[str, Any]], errata: list[dict[str, str]], **more: dict[str, Any]
+) -> Path:
     """Write a small study's report into a folder of its name."""
     cells = [(a_cell("F"), [a_record(time_s=10.0)]), (a_cell("G"), [a_record(), a_record("collided")])]
     report: list[dict[str, Any]] = [{"name": "verdicts", "title": "Claims"}] if claims else []
     report += [{"name": "errata", "title": "Errata", "items": errata}] if errata else []
     report += [{"name": "sources", "title": "Sources", "file": "sources"}]
-    study = {**STUDY, "name": name, "title": f"{name}: a title", "claims": claims, "report": report}
+    study = {
+        **STUDY,
+        "name": name,
+        "title": f"{name}: a title",
+        "claims": claims,
+        "checks": {},
+        "questions": {},
+        **more,
+        "report": report,
+    }
     write_report([store(folder / "raw" / name, cells, study).results], folder / "results" / name)
     return folder / "results" / name
 
@@ -41,12 +52,13 @@ def joined(tmp_path: Path) -> Path:
     statement = {key: value for key, value in CLAIM.items() if key not in ("printed", "within")}
     claims = {
         "time-f": CLAIM,
-        "off": {**CLAIM, "printed": "20 s", "evidence": "fitted"},
-        "off-absolute": {**CLAIM, "printed": "8.5 s", "within": 0.25, "evidence": "layout_unknown"},
+        "off": {**CLAIM, "printed": "20 s"},
+        "off-absolute": {**CLAIM, "printed": "8.5 s", "within": 0.25},
         "said": {**statement, "holds": "in 95 % of the cases", "measure": "share_reached", "of": {"label": "G"}},
     }
     a_report(tmp_path, "all", {}, [])
-    a_report(tmp_path, "one1999", claims, [wrong])
+    asked = {key: CLAIM[key] for key in ("says", "measure", "of")}
+    a_report(tmp_path, "one1999", claims, [wrong], checks={"copied": CLAIM}, questions={"open": asked})
     a_report(tmp_path, "two2001", {"near": {**CLAIM, "printed": "10.8 s"}}, [{**wrong, "where": "Table 7"}])
     return tmp_path / "results"
 
@@ -83,18 +95,17 @@ def test_claims_are_counted_by_study_and_by_evidence(joined: Path) -> None:
     assert ["one1999", "1", "0", "3", "0", "4"] in rows
     assert ["two2001", "0", "1", "0", "0", "1"] in rows
     assert rows.count(["all", "1", "1", "3", "0", "5"]) == 2
-    assert ["free", "1", "1", "1", "0", "3"] in rows
-    assert ["fitted", "0", "0", "1", "0", "1"] in rows
-    assert ["layout unknown", "0", "0", "1", "0", "1"] in rows
+    assert ["selected", "1", "1", "3", "0", "5"] in rows  # checks and questions count nowhere
+    assert ["fitted", "0", "0", "0", "0", "0"] in rows
 
 
 def test_every_claim_that_was_not_reproduced_stands_in_one_list(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "What was not reproduced")[1:]
     assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"], ["one1999", "said"]]
-    assert rows[0][3:] == ["20 s", "10", "off by -50 %; tolerance ±5 %", "fitted"]
-    assert rows[1][3:] == ["8.5 s", "10", "off by +1.5; tolerance ±0.25", "layout unknown"]
+    assert rows[0][3:] == ["20 s", "10", "off by -50 %; tolerance ±5 %", "selected"]
+    assert rows[1][3:] == ["8.5 s", "10", "off by +1.5; tolerance ±0.25", "selected"]
     assert rows[2][3] == "–"
-    assert rows[2][5:] == ["holds in 50 %; tolerance in 95 % of the cases", "free"]
+    assert rows[2][5:] == ["holds in 50 %; tolerance in 95 % of the cases", "selected"]
 
 
 def test_the_errata_of_all_papers_stand_in_one_list(joined: Path) -> None:
@@ -164,8 +175,8 @@ def test_a_report_that_is_missing_is_named(joined: Path) -> None:
     ("there", "wrong", "message"),
     [
         ("not_reproduced", "maybe", "verdict=maybe of off; allowed: reproduced"),
-        ("layout_unknown", "guessed", "evidence=guessed of off-absolute; allowed: free"),
-        ("statement,where", "where,statement", "its columns must be id, statement, where"),
+        (",selected", ",guessed", "evidence=guessed of time-f; allowed: free"),
+        ("statement,where", "where,statement", "its columns must be id, kind, statement, where"),
     ],
 )
 def test_a_table_of_claims_that_was_meddled_with_is_refused(there: str, wrong: str, message: str, joined: Path) -> None:
@@ -173,6 +184,17 @@ def test_a_table_of_claims_that_was_meddled_with_is_refused(there: str, wrong: s
     file.write_text(file.read_text().replace(there, wrong))
     with pytest.raises(DescriptionError, match=f"claims.csv: {message}"):
         read_claims(file)
+
+
+def test_a_table_of_claims_that_was_written_before_some_columns_is_read(joined: Path) -> None:
+    file = joined / "one1999/claims.csv"
+    table = pd.read_csv(file, dtype=str)
+    table.drop(columns=["kind", "simulator", "because", "hangs_on", "plausible_low", "plausible_high"]).to_csv(
+        file, index=False
+    )
+    old = read_claims(file)
+    assert old["kind"].tolist() == ["claim"] * len(table)
+    assert old["printed"].tolist() == table["printed"].fillna("").tolist()
 
 
 def test_an_empty_table_of_claims_is_refused_in_one_line(tmp_path: Path) -> None:

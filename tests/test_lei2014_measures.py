@@ -1,3 +1,4 @@
+import math
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def stored_of(path: Path, **labels: list[RobotRecord]) -> StoredResults:
 
 def test_a_described_value_is_that_of_the_one_row_that_matches(tmp_path: Path) -> None:
     stored = stored_of(tmp_path)
-    assert described_value(stored, "it-sizes", "rules", TWO) == (20.0, 20.0, 20.0, 1)
+    assert described_value(stored, "it-sizes", "rules", TWO) == (20.0, math.nan, math.nan, 1)
     with pytest.raises(DescriptionError, match="2 rows match"):
         described_value(stored, "it-sizes", "rules", {"part": "two"})
     with pytest.raises(DescriptionError, match="0 rows match"):
@@ -66,8 +67,8 @@ def test_a_wrong_name_is_named(tmp_path: Path, table: str, column: str, where: A
 
 def test_described_values_are_added_and_compared(tmp_path: Path) -> None:
     stored = stored_of(tmp_path)
-    assert described_total(stored, "it-sizes", "rules") == (34.0, 34.0, 34.0, 3)
-    assert described_ratio(stored, "it-sizes", "rules", ONE, over=TWO) == (0.2, 0.2, 0.2, 1)
+    assert described_total(stored, "it-sizes", "rules") == (34.0, math.nan, math.nan, 3)
+    assert described_ratio(stored, "it-sizes", "rules", ONE, over=TWO) == (0.2, math.nan, math.nan, 1)
     for where, than, held in ((ONE, TWO, 1.0), (TWO, ONE, 0.0), (ONE, ONE, 0.0)):
         found = described_is_less(stored, "it-sizes", "rules", where, than)
         assert found is not None

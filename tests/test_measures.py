@@ -168,7 +168,7 @@ def test_a_decrease_is_the_median_pairs_in_percent_of_the_other_and_negative_for
 
 
 def test_a_decrease_counts_each_tuning_and_is_nothing_where_never_both_reached(tmp_path: Path) -> None:
-    tuned = [(a_cell("A", tuning="pso", seed=seed), [a_record(time_s=8.0 - seed)]) for seed in (0, 1, 2)]
+    tuned = [(a_cell("A", tuning="pso", seed=i, kp=float(i)), [a_record(time_s=8.0 - i)]) for i in (0, 1, 2)]
     stored = store(tmp_path, [*tuned, (a_cell("B"), [a_record(time_s=10.0)]), (a_cell("C"), [a_record("collided")])])
     arguments = {"metric": "time_s", "select": {"label": "A"}}
     found = value_of(stored, f"{ZHAO2018}.median_decrease", **arguments, than={"label": "B"})
@@ -226,7 +226,7 @@ def test_cells_are_chosen_beside_the_arguments_and_than_says_what_differs(tmp_pa
     ]
     stored = store(tmp_path, cells)
     fair = {"metric": "path_length_m", "cell": "fair", "label": "A"}
-    assert measure(stored, "median", {**fair, "metric": "time_s"}) == (10.0, 10.0, 10.0, 1)
+    assert measure(stored, "median", {**fair, "metric": "time_s"}) == (10.0, math.nan, math.nan, 1)
     for than in ("B", {"label": "B"}):
         assert measure(stored, "share_better", {**fair, "metric": "time_s", "than": than}) is not None
     same = measure(stored, "difference", {**fair, "than": {"cell": "printed", "label": "B"}})
@@ -243,7 +243,7 @@ def test_a_measure_of_a_users_own_module_is_asked_by_its_dotted_name(
     )
     monkeypatch.syspath_prepend(tmp_path)
     stored = stored_of(tmp_path / "stored", A=[a_record()])
-    assert measure(stored, "turned.turning", {"factor": 2.0, "label": "A"}, trust=True) == (1.0, 1.0, 1.0, 1)
+    assert measure(stored, "turned.turning", {"factor": 2.0, "label": "A"}, trust=True) == (1.0, math.nan, math.nan, 1)
     with pytest.raises(DescriptionError, match="lies outside navbench"):
         measure(stored, "turned.turning", {"factor": 2.0, "label": "A"})
 
@@ -338,8 +338,43 @@ def test_what_is_selected_is_noted_with_its_simulator(tmp_path: Path) -> None:
     with stored.noting() as outer:
         with stored.noting() as inner:
             stored.select(label="B")
-        assert inner == {("planar", "fair")}
-        assert outer == {("planar", "fair")}
+        assert inner.simulators == {"planar": {"fair"}}
+        assert outer == inner
         stored.select(label="A")
-    assert inner == {("planar", "fair")}
-    assert outer == {("planar", "fair"), ("ideal", "printed")}
+    assert inner.simulators == {"planar": {"fair"}}
+    assert outer.simulators == {"planar": {"fair"}, "ideal": {"printed"}}
+
+
+def test_runs_whose_tuned_gains_hardly_differ_are_one_case_of_a_start(tmp_path: Path) -> None:
+    gains = {"A": 5.0, "B": 5.09, "C": 5.11, "D": 9.0}  # searched between 0 and 10
+    cells = [(a_cell(label, tuning="pso", kp=kp), [a_record(), a_record("collided")]) for label, kp in gains.items()]
+    cells.append((a_cell("E", kp=5.0, gain=2.0), [a_record()] * 2))  # differs in what was not searched
+    stored = store(tmp_path, cells, costs={("pso", 0): [1.0]})
+    assert value_of(stored, "share_reached", select={"label": ["A", "B"]}).n == 2
+    assert value_of(stored, "share_reached", select={"label": ["A", "B", "C", "D"]}).n == 6
+    better = {"metric": "time_s", "than": {"label": ["A", "B", "D"]}}
+    assert value_of(stored, "share_better", select={"label": "E"}, **better).n == 4
+    assert len(stored.select(label=["A", "B"])) == 4
+    alike = {"label": ["A", "C", "D"], "same_case": ["label"]}
+    assert value_of(stored, "share_reached", select=alike).n == 2
+    assert measure(stored, "share_better", {"metric": "time_s", "label": "E", "than": alike}).n == 2  # type: ignore[union-attr]
+    with pytest.raises(DescriptionError, match="same_case=lable: did you mean label?"):
+        stored.cases(label="A", same_case=["lable"])
+
+
+def test_one_run_has_no_interval(tmp_path: Path) -> None:
+    stored = stored_of(tmp_path, A=[a_record(time_s=10.0)])
+    for name, of in (("share_reached", {}), ("median", {"metric": "time_s"})):
+        found = value_of(stored, name, select={"label": "A"}, **of)
+        assert math.isnan(found.low)
+        assert math.isnan(found.high)
+
+
+@pytest.mark.parametrize(("within", "better"), [(0.0, 0.75), ("1 %", 0.5), (0.05, 0.25)])
+def test_arrivals_that_are_practically_equal_are_neither_better(
+    within: float | str, better: float, tmp_path: Path
+) -> None:
+    times = [9.0, 9.8, 9.95, 10.05]
+    stored = stored_of(tmp_path, A=[a_record(time_s=t) for t in times], B=[a_record(time_s=10.0)] * 4)
+    of = {"metric": "time_s", "select": {"label": "A"}, "than": {"label": "B"}}
+    assert value_of(stored, "share_better", **of, equal_within=within).value == better

@@ -46,7 +46,6 @@ CLAIM: dict[str, Any] = {
     "within": "5 %",
     "measure": "median",
     "of": {"metric": "time_s", "cell": "printed", "label": "F", "world": "plain"},
-    "evidence": "free",
 }
 REPORT: list[dict[str, Any]] = [
     {
@@ -217,7 +216,9 @@ STUDY: dict[str, Any] = {
     "name": "smoke",
     "title": "A smoke study",
     "summary": "It is small.",
-    "claims": {"time-f": CLAIM, "other": {**CLAIM, "printed": "99 s", "evidence": "fitted"}},
+    "claims": {"time-f": CLAIM, "other": {**CLAIM, "printed": "99 s"}},
+    "checks": {"copied": {**CLAIM, "printed": "10.0 s"}},
+    "questions": {"how-long": {key: CLAIM[key] for key in ("says", "measure", "of")}},
     "report": [{"title": f"The {spec['name']}", **spec} for spec in REPORT],
 }
 
@@ -352,11 +353,19 @@ def test_reading_loads_no_slow_library_before_it_is_needed() -> None:
 
 def test_claims_are_written_as_a_table_of_their_own(written: Path) -> None:
     table = pd.read_csv(written / "claims.csv")
-    assert table["verdict"].tolist() == ["reproduced", "not_reproduced"]
+    assert table["verdict"].fillna("").tolist() == ["reproduced", "not_reproduced", "passed", ""]
     counts = pd.read_csv(written / "tables/verdicts.csv").to_numpy().tolist()
     assert ["times", 1, 0, 0, 0] in counts
     assert ["all claims", 1, 0, 1, 0] in counts
-    assert ["of these, evidence fitted", 0, 0, 1, 0] in counts
+    assert ["of these, evidence selected", 1, 0, 1, 0] in counts
+    text = (written / "report.md").read_text()
+    assert (
+        "### Checks\n\nInputs copied from the paper, and what holds by construction; none of them is a claim: 1 passed"
+        in text
+    )
+    questions = text[text.index("### Our questions") :].split("\n## ")[0]
+    assert "10 s" not in questions
+    assert "| how-long |" in questions
     assert r"100 \% \& more\_or\_less" in (written / "tables/claims.tex").read_text()
 
 

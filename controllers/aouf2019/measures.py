@@ -32,7 +32,7 @@ class Phase(NamedTuple):
 
 def median_over_straight(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the median of path length over the straight line from start to goal, less the goal's tolerance."""
-    rows = reached(stored.select(**select))
+    rows = reached(stored.cases(**select))
     ratios = [
         row["path_length_m"] / _straight_m(stored.world(row["run_id"], row["episode"]), row["robot_index"])
         for row in rows.to_dict("records")
@@ -58,7 +58,7 @@ def share_ordered(stored: StoredResults, metric: str, labels: Sequence[str], sel
 
 def share_with_outcome(stored: StoredResults, outcomes: Sequence[str], select: Select) -> Estimate | None:
     """Return the share of robots with one of some outcomes."""
-    return share_of(stored.select(**select)["outcome"].isin(list(outcomes)).to_numpy())
+    return share_of(stored.cases(**select)["outcome"].isin(list(outcomes)).to_numpy())
 
 
 def share_as_good(stored: StoredResults, metric: str, select: Select, than: Select, margin: float) -> Estimate | None:
@@ -79,7 +79,7 @@ def share_as_good(stored: StoredResults, metric: str, select: Select, than: Sele
 
 def speed_range(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the median forward speed over all control periods, with the least and the greatest [m/s]."""
-    rows = stored.select(**select)
+    rows = stored.cases(**select)
     speeds = [stored.trajectories(run_id)["v_mps"].to_numpy() for run_id in rows["run_id"].unique()]
     return median_of(np.concatenate(speeds))
 
@@ -94,7 +94,7 @@ def share_in_phases(stored: StoredResults, phases: Sequence[str], select: Select
     """
     held = [
         is_within(phases, [phase.name for phase in phases_of(stored.trajectory(row), row["outcome"])])
-        for row in stored.select(**select).to_dict("records")
+        for row in stored.cases(**select).to_dict("records")
     ]
     return share_of(held)
 

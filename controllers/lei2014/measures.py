@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import PAIR, StoredResults
 from navbench.analysis.traces import trajectories_of
@@ -107,7 +107,7 @@ def share_longer_in(
 
 def share_of_fleets_free(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the share of episodes in which no robot touched anything."""
-    return share_of((fleets(stored.select(**select))["contacts"] == 0).to_numpy())
+    return share_of((fleets(stored.cases(**select))["contacts"] == 0).to_numpy())
 
 
 def share_of_fleets_clearer(stored: StoredResults, select: Select, than: Select) -> Estimate | None:
@@ -139,13 +139,13 @@ def share_of_worlds_safer(stored: StoredResults, select: Select, than: Select) -
 def described_total(stored: StoredResults, table: str, column: str) -> Estimate | None:
     """Return the sum of a column of a described table."""
     values = stored.described(table, column)[column]
-    return Estimate(float(values.sum()), float(values.sum()), float(values.sum()), len(values))
+    return exact(values.sum(), len(values))
 
 
 def described_ratio(stored: StoredResults, table: str, column: str, where: Select, over: Select) -> Estimate | None:
     """Return the value of a described table in one row over that in another one; arguments as ``described_value``."""
     value = stored.described_value(table, column, where) / stored.described_value(table, column, over)
-    return Estimate(value, value, value, 1)
+    return exact(value)
 
 
 def share_falling(

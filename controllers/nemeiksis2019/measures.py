@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of
+from navbench.analysis.printed import band
 from navbench.analysis.stored import StoredResults, reached
 from navbench.analysis.traces import columns_of, spells
 from navbench.mathematics.statistics import Estimate
@@ -16,7 +17,7 @@ Select = Mapping[str, Any]
 
 def median_periods(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the median number of control periods of the robots that reached, with its range."""
-    rows = reached(stored.select(**select)).to_dict("records")
+    rows = reached(stored.cases(**select)).to_dict("records")
     return median_of([len(stored.trajectory(row)) - 1 for row in rows])
 
 
@@ -31,7 +32,7 @@ def median_last(stored: StoredResults, column: str, select: Select) -> Estimate 
 
 
 def share_of_periods_within(
-    stored: StoredResults, columns: Sequence[str], low: float, high: float, select: Select
+    stored: StoredResults, columns: Sequence[str], low: float | str, high: float | str, select: Select
 ) -> Estimate | None:
     """Return in what share of an episode's control periods all of some columns lie within a band.
 
@@ -40,13 +41,13 @@ def share_of_periods_within(
     Args:
         stored: the study's results.
         columns: which columns.
-        low: the band's lower end, in it.
-        high: the band's upper end, in it.
+        low: the band's lower end, in it; in quotes as it is printed, so that "0.30" stands for 0.295.
+        high: the band's upper end, likewise: "0.35" stands for 0.355.
         select: which cells.
     """
-    shares = []
+    shares, (least, most) = [], band(low, high)
     for values in zip(*(columns_of(stored, column, select) for column in columns), strict=True):
-        shares.append(float(np.mean(np.all([(low <= one) & (one <= high) for one in values], axis=0))))
+        shares.append(float(np.mean(np.all([(least <= one) & (one <= most) for one in values], axis=0))))
     return median_of(shares)
 
 
@@ -132,5 +133,4 @@ def share_greater(stored: StoredResults, metric: str, select: Select, than: Sele
 
 def described_count(stored: StoredResults, table: str, where: Select) -> Estimate | None:
     """Return how many rows of a described table match, a value for each column; its n is how many there are."""
-    matching = float(len(stored.described_rows(table, where)))
-    return Estimate(matching, matching, matching, len(stored.described(table)))
+    return exact(len(stored.described_rows(table, where)), len(stored.described(table)))

@@ -126,7 +126,7 @@ def share_passing_first(
         select: which cells.
     """
     held = []
-    rows = stored.select(**select)
+    rows = stored.cases(**select)
     for _, fleet in rows.groupby(["run_id", "episode"], sort=False):
         trajectories = {row["robot_index"]: stored.trajectory(row).iloc[:-1] for row in fleet.to_dict("records")}
         if not {first, second} <= set(trajectories):
@@ -164,7 +164,7 @@ def mover_speed(stored: StoredResults, mover: int, leg: int, select: Select) -> 
         select: which cells; each cell counts once.
     """
     shares = []
-    for run_id in stored.select(**select)["run_id"].unique():
+    for run_id in stored.cases(**select)["run_id"].unique():
         world = stored.world(run_id)
         one = world.movers[mover]
         begin, end = one.schedule()[leg, :2] - one.phase_s
@@ -183,7 +183,7 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
         select: which cells.
     """
     met = []
-    for _, fleet in stored.select(**select).groupby(["run_id", "episode"], sort=False):
+    for _, fleet in stored.cases(**select).groupby(["run_id", "episode"], sort=False):
         robots = fleet.to_dict("records")
         run_id = robots[0]["run_id"]
         world = stored.world(run_id, robots[0]["episode"])

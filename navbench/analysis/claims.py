@@ -1,89 +1,87 @@
-"""Claims: what a paper prints or a study asks, how it is measured here, and the verdict.
+"""Claims, checks and questions: what a paper prints or a study asks, and how it is measured here.
 
-There are three kinds. A *number* is ``printed`` and agrees ``within`` a tolerance, partly within twice that. A
-*statement* ``holds: in 95 % of the cases``, partly with twice as many exceptions. A *hypothesis* ``holds: below 0`` or
-``above 0``, and its interval decides: supported or contradicted where all of it lies on one side, practically equal
-where it lies within a margin about that number, else undecided.
+A study's ``claims`` are what a paper claims, or a hypothesis of the study's own. A *number* is ``printed`` and agrees
+``within`` a tolerance, partly within twice that. A *statement* ``holds: in 95 % of the cases``, partly with twice as
+many exceptions. A *hypothesis* ``holds: below 0`` or ``above 0``, and its interval decides: supported or contradicted
+where all of it lies on one side, practically equal where it lies within a margin about that number, else undecided.
+
+Its ``checks`` have the form of numbers and statements, but hold by construction: inputs copied from the paper, and
+identities. They pass or fail, and count as no claims. Its ``questions`` are what the paper does not claim: they print
+nothing and are judged by no print, at most as a hypothesis.
 """
 
-import math
 import re
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, NamedTuple
 
 from pydantic.dataclasses import dataclass
 
-from navbench.analysis.comparisons import level
-from navbench.analysis.measuring import MeasureError, arguments, check_measure, measure
-from navbench.analysis.stored import StoredResults
-from navbench.mathematics.statistics import Estimate
+from navbench.analysis.measuring import arguments, check_measure
+from navbench.analysis.printed import NUMBER, quantity
 from navbench.validation import STRICT, DescriptionError, describe, instead
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-COLUMNS = (
-    "id statement where printed unit measured low high n simulator tolerance evidence verdict reason"  # of claims.csv
-).split()
-VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
-HYPOTHESIS_VERDICTS = ("supported", "contradicted", "practically_equal", "undecided")
-EVIDENCE = ("free", "selected", "fitted", "layout_unknown")
-FITTED = {"reproduced": "it agrees", "partly": "it partly agrees"}
-FAILED = "not measured: "  # so begins the reason of a claim whose measure fails
-NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+TABLES = ("claims", "checks", "questions")  # of a study
 HOLDS = "`in 95 % of the cases`, `below 0` or `above 0`"
+COMPUTED = "evidence"  # once typed; results that were stored then still have it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class Claim:
-    """A number or statement that a paper prints, or a hypothesis of a study's own.
+    """What a paper prints or a study asks.
 
     Attributes:
         says: what is said, in our words.
         where: the paper's table, figure, equation or section.
-        printed: the printed number with its unit, as ``37.1 s``.
+        printed: the printed number with its unit and all its decimals, as ``37.10 s``; 0.30 means [0.295, 0.305).
         within: set before the run, how far from it agrees: ``5 %`` of it, or a number in its unit.
+        compare: with "distribution" a printed single run is held against the cases of a median: it agrees if it lies
+            in their central 90 %, and they are not testable where that is wider than the tolerance to both sides.
         holds: of a statement in how many cases it must hold, of a hypothesis on which side of a number.
         practically_equal: of a hypothesis, what makes no difference: a number, or ``2 %`` of the other side's figure.
         measure: a function of ``navbench.analysis.measures``, or any by its dotted name; none where nothing compares.
         of: what it takes, and the cells.
-        evidence: "free": nothing about it was chosen by looking at the figure; "selected": parameters were chosen
-            among candidates by success in such worlds; "fitted": to this very figure; "layout_unknown": the paper
-            draws the world without numbers. A hypothesis has none.
+        plausible: for some of these, what else might have been taken: the figure and the verdict are given for each.
     """
 
     says: str
     where: str = ""
-    printed: float | str | None = None
+    printed: int | float | str | None = None
     within: float | str | None = None
+    compare: Literal["distribution"] | None = None
     holds: str | None = None
     practically_equal: float | str | None = None
     measure: str | None = None
     of: Mapping[str, Any] | None = None
-    evidence: Literal["free", "selected", "fitted", "layout_unknown"] | None = None
+    plausible: Mapping[str, tuple[Any, ...]] | None = None
 
     def __post_init__(self) -> None:
         """Check that it is of one kind, and that its numbers can be read."""
-        if (self.printed is None) == (self.holds is None):
+        if self.printed is not None and self.holds is not None:
             raise DescriptionError("must have either `printed` or `holds`")
         if (self.within is None) != (self.printed is None):
             raise DescriptionError("must have `within` beside `printed`, and only there")
+        if self.compare and self.printed is None:
+            raise DescriptionError("must have `compare` only beside `printed`")
+        if self.plausible and self.measure is None:
+            raise DescriptionError("must have `plausible` only beside `measure`")
         if self.printed is not None:
             quantity("printed", self.printed)
             quantity("within", self.within)
-        elif self.share is None and self.threshold is None:
+        elif self.holds is not None and self.share is None and self.threshold is None:
             raise DescriptionError(f"holds={self.holds}: must be as {HOLDS}")
-        if (self.evidence is None) == (self.threshold is None):
-            raise DescriptionError(f"must have `evidence`, one of {', '.join(EVIDENCE)}, unless it is a hypothesis")
         if self.practically_equal is not None:
-            if self.threshold is None:
-                raise DescriptionError("must have `practically_equal` only beside `holds: below` or `above` a number")
-            if quantity("practically_equal", self.practically_equal)[1] == "%" and self.measure != "difference":
-                named = f"practically_equal={self.practically_equal} with measure={self.measure}"
-                allowed = instead(self.measure, ["difference"], "allowed with %")
-                raise DescriptionError(f"{named}: must be a number, unless the measure is `difference`; {allowed}")
-            if quantity("practically_equal", self.practically_equal)[0] <= 0.0:
-                raise DescriptionError(f"practically_equal={self.practically_equal}: must be above 0")
+            self._check_margin(self.practically_equal)
+
+    def _check_margin(self, margin: float | str) -> None:
+        if self.threshold is None:
+            raise DescriptionError("must have `practically_equal` only beside `holds: below` or `above` a number")
+        size, unit = quantity("practically_equal", margin)
+        if unit == "%" and self.measure != "difference":
+            named = f"practically_equal={margin} with measure={self.measure}"
+            allowed = instead(self.measure, ["difference"], "allowed with %")
+            raise DescriptionError(f"{named}: must be a number, unless the measure is `difference`; {allowed}")
+        if size <= 0.0:
+            raise DescriptionError(f"practically_equal={margin}: must be above 0")
 
     @property
     def share(self) -> float | None:
@@ -100,117 +98,84 @@ class Claim:
     @property
     def tolerance(self) -> str:
         """What decides, as a reader would write it."""
-        return self.holds or f"±{self.within:g}" if not isinstance(self.within, str) else f"±{self.within}"
+        if self.within is None:
+            return self.holds or ""
+        return f"±{self.within}" if isinstance(self.within, str) else f"±{self.within:g}"
+
+    def variants(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Yield what else its measure might plausibly take: a name for it, and all that it takes then."""
+        for word, values in (self.plausible or {}).items():
+            for value in values:
+                yield f"{word}={value}", {**(self.of or {}), word: value}
 
 
-def quantity(key: str, value: Any) -> tuple[float, str]:
-    """Return a number and its unit, of ``37.1 s`` or a number alone.
+class Entry(NamedTuple):
+    """A claim with its id and its kind: claim, hypothesis, check or question."""
 
-    Raises:
-        DescriptionError: it is neither.
-    """
-    found = re.fullmatch(rf"({NUMBER})(?: (\S.*))?", str(value))
-    if found is None:
-        raise DescriptionError(f"{key}={value}: must be a number, or one with its unit as `37.1 s` or `5 %`")
-    return float(found[1]), found[2] or ""
+    name: str
+    kind: str
+    claim: Claim
 
 
-def claims_of(key: str, table: Mapping[str, Any] | None) -> dict[str, Claim]:
-    """Return the claims of a study's table, by id.
+def entries(key: str, study: Mapping[str, Any], *, stored: bool = False) -> list[Entry]:
+    """Return a study's claims, checks and questions.
+
+    Args:
+        key: where the study stands, for the error message, such as "study/aouf2019."; empty for stored results.
+        study: with its tables.
+        stored: whether it is of stored results, whose claims may still have a typed evidence.
 
     Raises:
         DescriptionError: one of them is wrong; the message names it.
     """
-    if not isinstance(table or {}, Mapping):
-        raise DescriptionError(f"{key}: must be a mapping from ids to claims; older results keep them as a list")
-    return {name: describe(Claim, claim, f"{key}.{name}") for name, claim in (table or {}).items()}
+    found: dict[str, Entry] = {}
+    for table in TABLES:
+        rows = study.get(table) or {}
+        if not isinstance(rows, Mapping):
+            raise DescriptionError(f"{key}{table}: must be a mapping from ids; older results keep a list")
+        for name, values in rows.items():
+            place = f"{key}{table}.{name}"
+            if name in found:
+                raise DescriptionError(f"{place}: this id stands in another table too")
+            if COMPUTED in values and not stored:
+                raise DescriptionError(f"{place}.{COMPUTED}: unknown key; it is computed from the sources of the cells")
+            claim = describe(Claim, {word: of for word, of in values.items() if word != COMPUTED}, place)
+            found[name] = Entry(name, _kind(place, table, claim), claim)
+    return list(found.values())
 
 
-def check_claims(key: str, table: Mapping[str, Any] | None, trust: bool = True) -> dict[str, dict[str, Any]]:
-    """Return the arguments of each claim's measure, after checking the table, and that its measures take them.
+def check_claims(key: str, study: Mapping[str, Any], trust: bool = True, *, stored: bool = False) -> dict[str, Any]:
+    """Return the arguments of each measure by table, after checking the tables and that the measures take them.
+
+    What else is plausible stands beside: ``{"claims": {"band": {...}, "band.plausible.low=0.3": {...}}}``.
 
     Raises:
-        DescriptionError: as ``claims_of`` and ``check_measure``.
+        DescriptionError: as ``entries`` and ``check_measure``.
     """
-    asked = {}
-    for name, claim in claims_of(key, table).items():
-        if claim.measure is not None:
-            of = claim.of or {}
-            asked[name] = arguments(check_measure(f"{key}.{name}.measure", claim.measure, of, trust=trust), of)
+    asked: dict[str, Any] = {table: {} for table in TABLES}
+    for name, kind, claim in entries(key, study, stored=stored):
+        table = f"{kind}s" if f"{kind}s" in TABLES else "claims"
+        if claim.measure is None:
+            continue
+        for what, of in [("", claim.of or {}), *((f".plausible.{what}", of) for what, of in claim.variants())]:
+            place = f"{key}{table}.{name}{what}.measure"
+            asked[table][f"{name}{what}"] = arguments(check_measure(place, claim.measure, of, trust=trust), of)
     return asked
 
 
-def verdict(claim: Claim, measured: Estimate | None, margin: float = 0.0) -> tuple[str, str]:
-    """Return the verdict on a claim and, where it does not speak for itself, the reason.
-
-    Args:
-        claim: the claim.
-        measured: what was measured of it; None without a case.
-        margin: of a hypothesis, how far from its number makes no difference.
-    """
-    if measured is None or not math.isfinite(measured.value):
-        return "not_testable", "no case to measure it on" if claim.measure else "not comparable, as the statement says"
-    if claim.threshold is not None:
-        return _decided(*claim.threshold, measured, margin), ""
-    if claim.share is not None:
-        away, width = abs(measured.value - 1.0), round(1.0 - claim.share, 12)
-    else:
-        printed, (size, unit) = quantity("printed", claim.printed)[0], quantity("within", claim.within)
-        away, width = abs(measured.value - printed), size / 100.0 * abs(printed) if unit == "%" else size
-    agrees = "reproduced" if away <= width else "partly" if away <= 2.0 * width else "not_reproduced"
-    if claim.evidence == "fitted" and agrees != "not_reproduced":
-        return "not_testable", f"{FITTED[agrees]}, but it was fitted to this figure"
-    return agrees, ""
-
-
-def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
-    """Return the table of a study's claims with their verdicts, with the columns of ``claims.csv``.
-
-    Args:
-        stored: the study's results, with its claims.
-        trust: whether measures outside ``navbench`` may be asked.
-    """
-    import pandas as pd
-
-    rows = []
-    for name, claim in claims_of("claims", stored.manifest["study"]["claims"]).items():
-        with stored.noting() as noted:
-            try:
-                found = measure(stored, claim.measure, claim.of or {}, trust=trust) if claim.measure else None
-                decided = verdict(claim, found, _margin(stored, claim, trust))
-            except MeasureError as error:
-                found, decided = None, ("not_testable", f"{FAILED}{error}")
-        printed, unit = (math.nan, "") if claim.printed is None else quantity("printed", claim.printed)
-        figures = found if found is not None else (math.nan, math.nan, math.nan, 0)
-        said = name, claim.says, claim.where, printed, unit
-        simulators = ", ".join(sorted({simulator for simulator, _ in noted}))
-        rows.append([*said, *figures, simulators, claim.tolerance, claim.evidence or "", *decided])
-    return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def verdicts_in(table: "pd.DataFrame") -> tuple[str, ...]:
-    """Return the verdicts that the claims of a table may have: of papers' claims, of hypotheses, or of both."""
-    own = table["evidence"] == ""
-    return (*(VERDICTS[-1:] if len(own) and own.all() else VERDICTS), *(HYPOTHESIS_VERDICTS if own.any() else ()))
-
-
-def _decided(side: str, number: float, measured: Estimate, margin: float) -> str:
-    """Return the verdict on a hypothesis."""
-    low, high = measured.low - number, measured.high - number
-    if side == "above":
-        low, high = -high, -low
-    if -margin < low and high < margin:
-        return "practically_equal"
-    return "supported" if high < 0.0 else "contradicted" if low > 0.0 else "undecided"
-
-
-def _margin(stored: StoredResults, claim: Claim, trust: bool) -> float:
-    """Return what makes no difference, in the unit of what is measured."""
-    if claim.practically_equal is None or claim.measure is None:
-        return 0.0
-    size, unit = quantity("practically_equal", claim.practically_equal)
-    if unit != "%":
-        return size
-    of = claim.of or {}
-    asked = arguments(check_measure("measure", claim.measure, of, trust=trust), of)
-    return size / 100.0 * abs(level(stored, asked["metric"], asked["than"]))
+def _kind(place: str, table: str, claim: Claim) -> str:
+    """Return the kind of what stands in a table, after checking that it may."""
+    hypothesis = claim.threshold is not None
+    if table == "questions":
+        if claim.printed is not None or claim.share is not None or claim.measure is None:
+            raise DescriptionError(f"{place}: a question has a measure, and neither `printed` nor a share that `holds`")
+        return "question"
+    if claim.printed is None and claim.holds is None:
+        raise DescriptionError(f"{place}: must have either `printed` or `holds`")
+    if table == "checks":
+        if hypothesis:
+            raise DescriptionError(
+                f"{place}.holds={claim.holds}: a check is no hypothesis; allowed: in 100 % of the cases"
+            )
+        return "check"
+    return "hypothesis" if hypothesis else "claim"

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.fleets import fleets
+from navbench.analysis.printed import fraction
 from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics.statistics import (
     Estimate,
@@ -26,35 +27,40 @@ RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it 
 
 def median(stored: StoredResults, metric: str, select: Select) -> Estimate | None:
     """Return a metric's median over the robots that reached, with its range."""
-    return median_of(reached(stored.select(**select))[metric].to_numpy())
+    return median_of(reached(stored.cases(**select))[metric].to_numpy())
 
 
 def share_reached(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the share of robots that reached their goals."""
-    return share_of((stored.select(**select)["outcome"] == "reached").to_numpy())
+    return share_of((stored.cases(**select)["outcome"] == "reached").to_numpy())
 
 
 def share_without_collision(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the share of robots that touched nothing."""
-    return share_of((stored.select(**select)["collisions"] == 0).to_numpy())
+    return share_of((stored.cases(**select)["collisions"] == 0).to_numpy())
 
 
 def share_of_fleets(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the share of episodes in which all robots reached their goals."""
-    return share_of(fleets(stored.select(**select))["success"])
+    return share_of(fleets(stored.cases(**select))["success"])
 
 
-def share_better(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
+def share_better(
+    stored: StoredResults, metric: str, select: Select, than: Select, equal_within: float | str = 0.0
+) -> Estimate | None:
     """Return the share of pairs in which one controller's metric is better than the other's.
 
     A pair is a world, seed, episode and robot that both meet; where one has been tuned several times, each tuning
-    makes a pair. A failure counts as worse than any arrival; pairs in which both fail are left out.
+    that is another case makes a pair. A failure counts as worse than any arrival; pairs in which both fail are left
+    out.
 
     Args:
         stored: the study's results.
         metric: the metric's name, which is declared to be better in one direction.
         select: the cells that are said to be better.
         than: the cells that they are compared with.
+        equal_within: by how much of the other's metric at most two arrivals are equal, and neither better: 0.01 or
+            ``1 %``.
 
     Raises:
         DescriptionError: neither direction is better, or there is no such metric.
@@ -63,7 +69,9 @@ def share_better(stored: StoredResults, metric: str, select: Select, than: Selec
     rows = stored.pairs(select, than, each=True)
     here, there = outcomes(rows).values()
     rows, here, there = rows[here | there], here[here | there], there[here | there]
-    better = here & (~there | (sign * rows[metric] < sign * rows[f"{metric}_other"]).to_numpy())
+    other = rows[f"{metric}_other"]
+    equal = fraction("equal_within", equal_within) * other.abs()
+    better = here & (~there | (sign * (other - rows[metric]) > equal).to_numpy())
     return share_of(better)
 
 
@@ -107,7 +115,7 @@ def described_value(stored: StoredResults, table: str, column: str, where: Selec
         where: a value for each column that tells the row.
     """
     value = stored.described_value(table, column, where)
-    return Estimate(value, value, value, 1)
+    return exact(value)
 
 
 def described_is_less(stored: StoredResults, table: str, column: str, where: Select, than: Select) -> Estimate | None:

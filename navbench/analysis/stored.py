@@ -1,16 +1,18 @@
 """A results directory as tables: its episodes, trajectories and evaluations beside what its cells are called."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.analysis.cases import cases_of
 from navbench.experiments.store import Results, ResultsError
 from navbench.metrics import DECLARED, Metric
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, instead
 from navbench.world.layout import DrawnWorld, in_common, layout_of
 from navbench.world.world import drawn
 
@@ -20,8 +22,27 @@ if TYPE_CHECKING:
 PAIR = ["world", "seed", "episode", "robot_index"]  # two controllers that share these met the same start and noise
 SELECTABLE = (  # what chooses cells or robots; "cell" is a study's name of some cells
     *("cell", "label", "tuning", "tuning_seed", "controller", "world", "robot", "sensors", "simulator"),
-    *("seed", "episode", "robot_index"),
+    *("seed", "episode", "robot_index", "same_case"),
 )
+CELL = ("name", "label", "tuning", "tuning_seed", "controller", "robot", "sensors", "simulator")
+
+
+@dataclass(slots=True)
+class Used:
+    """What was looked at.
+
+    Attributes:
+        cells: simulator, name and run_id of the cells whose episodes were selected, and of tunings, without run_id.
+        tables: the names of the tables that controllers offered of themselves.
+    """
+
+    cells: set[tuple[str, str, str]] = field(default_factory=set)
+    tables: set[str] = field(default_factory=set)
+
+    @property
+    def simulators(self) -> dict[str, set[str]]:
+        """The names of the cells by their simulator."""
+        return {simulator: {name for of, name, _ in self.cells if of == simulator} for simulator, _, _ in self.cells}
 
 
 class StoredResults:
@@ -35,7 +56,7 @@ class StoredResults:
         self.results = results
         self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
-        self._noted: set[tuple[str, str]] = set()
+        self._used = Used()
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
@@ -50,9 +71,10 @@ class StoredResults:
     def episodes(self) -> "pd.DataFrame":
         """The table of the episodes that were driven, with each cell's name, label, tuning and tuning_seed in front.
 
-        A cell that stands under two names gives its rows twice.
+        A cell that stands under two names gives its rows twice. Rows that share ``case`` and their start are one case.
         """
-        return self.cells.merge(driven(self.rows), on="run_id")
+        rows = self.cells.merge(driven(self.rows), on="run_id")
+        return rows.assign(case=rows["run_id"].map(cases_of(self.manifest)))
 
     @cached_property
     def planned(self) -> dict[str, set[int]]:
@@ -146,6 +168,7 @@ class StoredResults:
         if table not in self.descriptions:
             allowed = ", ".join(self.descriptions) or "none"
             raise DescriptionError(f"{self.results.path}: no description {table!r}; there are: {allowed}")
+        self._used.tables.add(table)
         rows = self.descriptions[table]
         for column in columns:
             if column not in rows.columns:
@@ -237,8 +260,13 @@ class StoredResults:
         """The labels of all cells, in the order in which the study first names them."""
         return list(dict.fromkeys(cell["label"] for cell in self.manifest["cells"]))
 
-    def select(self, **wanted: Any) -> "pd.DataFrame":
+    def select(self, *, same_case: Sequence[str] = (), **wanted: Any) -> "pd.DataFrame":
         """Return the episodes of the cells that match: a value for each column, or a list of allowed ones.
+
+        Args:
+            same_case: what makes no other case of a start, such as ``[label, tuning_seed]`` of controllers that do the
+                same; without it the column ``case`` tells, see ``cases_of``.
+            wanted: the value, or values, of each column.
 
         Raises:
             DescriptionError: there is no such column, or no episode matches.
@@ -252,22 +280,32 @@ class StoredResults:
         rows = rows[matching]
         if rows.empty:
             raise DescriptionError(f"{self.results.path}: no episodes match {wanted}")
+        if wrong := [column for column in same_case if column not in CELL]:
+            raise DescriptionError(f"select.same_case={wrong[0]}: {instead(wrong[0], CELL)}")
+        if same_case:
+            rows = rows.assign(case=rows[[column for column in CELL if column not in same_case]].apply(tuple, axis=1))
         self._note(rows)
         return rows
 
     def _note(self, rows: "pd.DataFrame") -> None:
-        self._noted |= set(rows[["simulator", "name"]].drop_duplicates().itertuples(index=False, name=None))
+        used = rows.reindex(columns=["simulator", "name", "run_id"], fill_value="")
+        self._used.cells |= set(used.drop_duplicates().itertuples(index=False, name=None))
+
+    def cases(self, **wanted: Any) -> "pd.DataFrame":
+        """Return the independent cases among the episodes that match, see ``cases_of``; errors as of ``select``."""
+        return self.select(**wanted).drop_duplicates(["case", *PAIR])
 
     @contextmanager
-    def noting(self) -> Iterator[set[tuple[str, str]]]:
-        """Give a set of the simulators of all that is read meanwhile, each with the names of its cells and tunings."""
-        outer, inner = self._noted, set[tuple[str, str]]()
-        self._noted = inner
+    def noting(self) -> Iterator[Used]:
+        """Give what holds, at the end, all that was looked at meanwhile."""
+        outer, inner = self._used, Used()
+        self._used = inner
         try:
             yield inner
         finally:
-            outer |= inner
-            self._noted = outer
+            outer.cells |= inner.cells
+            outer.tables |= inner.tables
+            self._used = outer
 
     def sides(self, select: Mapping[str, Any], than: Mapping[str, Any]) -> tuple["pd.DataFrame", "pd.DataFrame"]:
         """Return the episodes of the cells that are compared, of the one and of the other.
@@ -290,7 +328,8 @@ class StoredResults:
         Args:
             select: the cells of the one.
             than: the cells of the other.
-            each: whether one that met the same start several times, as with several tunings, makes a pair each time.
+            each: whether one that met the same start several times, as with several tunings, makes a pair for each of
+                its independent cases.
 
         Raises:
             DescriptionError: one of them met a start several times, as with several tunings: pairs are not single;
@@ -300,7 +339,8 @@ class StoredResults:
         for rows in sides:
             if not each and rows.duplicated(PAIR).any():
                 raise DescriptionError(f"{self.results.path}: {rows['label'].iloc[0]} met the same start several times")
-        return sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+        rows = sides[0].merge(sides[1], on=PAIR, suffixes=("", "_other"))
+        return rows.drop_duplicates([*PAIR, "case", "case_other"])
 
 
 def driven(rows: "pd.DataFrame") -> "pd.DataFrame":

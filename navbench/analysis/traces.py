@@ -31,7 +31,7 @@ class Spell(NamedTuple):
 
 def trajectories_of(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":
     """Return each robot's and episode's trajectory, its end included."""
-    return map(stored.trajectory, stored.select(**select).to_dict("records"))
+    return map(stored.trajectory, stored.cases(**select).to_dict("records"))
 
 
 def periods_of(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":

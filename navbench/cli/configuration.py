@@ -17,6 +17,7 @@ from navbench.records import Names
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.motion import SUBSTEP_RADII
+from navbench.sources import check_sources
 from navbench.validation import DescriptionError, describe
 from navbench.world.world import World
 
@@ -52,6 +53,8 @@ def cell_of(run: Composed) -> Cell:
     sources = {
         name: latest_sources(_mapping(group.get("sources") or {}, f"{name}.sources")) for name, group in groups.items()
     }
+    for name, of in sources.items():
+        check_sources(name, of)
     groups = {name: without(group, "sources") for name, group in groups.items()}
     controller = groups["controller"]
     check_keys(controller, "controller", ("build", "native", "sources", "tunable", "repair"))

@@ -1,10 +1,14 @@
 """What a study's claims and report ask for, held against the cells that it plans: before its first episode runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from navbench.analysis.claims import TABLES
 from navbench.analysis.resolving import lies_outside
+from navbench.cli.catalogue import files_of
 from navbench.experiments.cells import Cell
+from navbench.experiments.tunings import Tuning
 from navbench.report.claims import asked
 from navbench.validation import DescriptionError, instead
 
@@ -36,6 +40,36 @@ def check_references(key: str, content: Mapping[str, Any], cells: Sequence[Cell]
                         f"{place}.{column}={value}: no such cell is planned; {instead(value, there, 'there are')}"
                     )
             matching = [row for row in matching if row[column] in wanted]
+
+
+def check_chosen(
+    study: str, content: Mapping[str, Any], planned: Sequence[Cell | Tuning], folders: Sequence[Path]
+) -> None:
+    """Check that the claims to which values were fitted are there, and the worlds in which they were selected.
+
+    Args:
+        study: its name. Of claims of other studies, written ``STUDY.ID``, the study must be there.
+        content: its claims, checks and questions, as plain values.
+        planned: what it runs.
+        folders: with the worlds and studies.
+
+    Raises:
+        DescriptionError: one line that names the source, the claim or world and what is allowed.
+    """
+    ids = [name for table in TABLES for name in content.get(table) or {}]
+    others = [f"{other}." for other in files_of("study", folders) if other != study]
+    known = {"claims": [*ids, *(f"{study}.{name}" for name in ids)], "worlds": list(files_of("world", folders))}
+    named = {
+        f"{part}.sources.{key}.{word}={name}": (word, name)
+        for one in planned
+        for part, sources in one.sources.items()
+        for key, source in sources.items()
+        for word in known
+        for name in source.get(word, ())
+    }
+    for place, (word, name) in named.items():
+        if name not in known[word] and not (word == "claims" and name.startswith(tuple(others))):
+            raise DescriptionError(f"study/{study}: {place}: unknown; {instead(name, known[word])}")
 
 
 def _selections(key: str, value: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:

@@ -10,18 +10,20 @@ from hydra.errors import HydraException
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.analysis.claims import check_claims
+from navbench.analysis.claims import TABLES, check_claims
 from navbench.cli.building import made
+from navbench.cli.catalogue import CONF
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
 from navbench.cli.configuration import cell_of, without
 from navbench.cli.errors import one_line
 from navbench.cli.progress import complain
-from navbench.cli.references import check_references
+from navbench.cli.references import check_chosen, check_references
 from navbench.cli.tunable import dimensions_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.plan import Plan
 from navbench.experiments.tunings import Objective, Tuning
 from navbench.report.sections import check_section
+from navbench.sources import check_sources
 from navbench.validation import STRICT, Count, DescriptionError, Flag, describe, instead
 
 Seed = Annotated[int, Field(ge=0, strict=True)]
@@ -94,7 +96,9 @@ class StudyFile:
         summary: what the report says first, in Markdown.
         tunings: what it searches.
         cells: what it runs.
-        claims: what a paper prints, to hold the results against, or what the study asks: ``Claim``s by their ids.
+        claims: what a paper prints, to hold the results against, or the study's own hypotheses: ``Claim``s by ids.
+        checks: what holds by construction, in the same form.
+        questions: what no paper claims, likewise.
         report: the report's sections, in order: each one's name (of ``navbench.report.sections``, or dotted), or a
             mapping with its ``name`` and its arguments.
     """
@@ -104,6 +108,8 @@ class StudyFile:
     tunings: tuple[TuningSpec, ...] = ()
     cells: tuple[CellSpec, ...]
     claims: Mapping[str, Mapping[str, Any]] | None = None
+    checks: Mapping[str, Mapping[str, Any]] | None = None
+    questions: Mapping[str, Mapping[str, Any]] | None = None
     report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
@@ -129,7 +135,7 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
     with composing(config_dir) as composer:
         values = composer.study(name)
         file = describe(StudyFile, values, f"study/{name}")
-        asked = check_claims(f"study/{name}.claims", file.claims)
+        asked = check_claims(f"study/{name}.", values)
         for i, section in enumerate(file.report):
             check_section(f"study/{name}.report[{i}]", section, trust=True)
         tunings = tuple(
@@ -145,9 +151,10 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
                 raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; {allowed}")
             own = [tuning for tuning in tunings if tuning.name == spec.tuning]
             cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
-    content = {key: values.get(key) for key in ("title", "summary", "claims", "report")}
+    content = {key: values.get(key) for key in ("title", "summary", *TABLES, "report")}
     content |= {} if config_dir is None else {"config_dir": str(config_dir)}
-    check_references(f"study/{name}", {"claims": asked, "report": values.get("report")}, cells)
+    check_references(f"study/{name}", {**asked, "report": values.get("report")}, cells)
+    check_chosen(name, values, [*cells, *tunings], [CONF, *([Path(config_dir)] if config_dir else [])])
     return Plan(cells=tuple(cells), tunings=tunings, study={"name": name, **content})
 
 
@@ -201,6 +208,8 @@ def tuning_of(composed: Composed, overrides: Sequence[str], composer: Composer) 
     repair = values["controller"].get("repair")
     searched = {part: without(values[part], "sources") for part in ("tuner", "objective")}
     configuration = {**searched, "tunable": tunable}
+    for part in searched:
+        check_sources(part, values[part].get("sources", {}))
     return Tuning(
         name=name,
         tuner_name=str(choices["tuner"]),

@@ -2,19 +2,44 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from navbench.analysis.claims import EVIDENCE, FAILED, claims_of, judged, quantity, verdicts_in
+from navbench.analysis.claims import entries
+from navbench.analysis.evidence import EVIDENCE
 from navbench.analysis.measuring import MeasureError, arguments, check_measure, measure
+from navbench.analysis.printed import quantity
 from navbench.analysis.stored import StoredResults, reached
+from navbench.analysis.verdicts import CHECK_VERDICTS, FAILED, judged, verdicts_in
 from navbench.mathematics.statistics import Estimate
-from navbench.report.document import FORMS, MISSING, Block, Blocks, Column, Data, Figure, Finding, Problem, Table, words
+from navbench.report.document import (
+    FORMS,
+    MISSING,
+    Block,
+    Blocks,
+    Column,
+    Data,
+    Figure,
+    Finding,
+    Heading,
+    Paragraph,
+    Problem,
+    Table,
+    number,
+    words,
+)
 from navbench.report.page import Page, Select
 from navbench.validation import DescriptionError, instead
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 DECIMALS = {"time_s": 2, "path_length_m": 3, "mean_speed_mps": 3, "min_clearance_m": 3, "heading_ise": 3}
 SHOWN = ("show", "decimals", "signed")
-CLAIMS = ("id", "statement", "where", "printed", "measured", "n", "simulator", "tolerance", "evidence", "verdict")
+SAID = ("id", "statement", "where", "printed", "measured", "n", "simulator", "tolerance")
+CLAIMS = (*SAID, "evidence", "verdict", "where something else is plausible")
+CHECKS = (*SAID, "verdict")
+ALWAYS = CHECKS  # columns that are there even if they hold nothing
+QUESTIONS = ("id", "question", "measured", "n", "simulator", "verdict", "where something else is plausible")
 
 
 def findings(page: Page, *, sentences: Sequence[Mapping[str, Any]]) -> Blocks:
@@ -74,48 +99,80 @@ def asked(key: str, spec: Mapping[str, Any], trust: bool = True) -> dict[str, An
 
 
 def verdicts(page: Page, *, groups: Mapping[str, Sequence[str]] | None = None) -> Blocks:
-    """Return every claim with its verdict, and how many there are of each verdict and evidence.
+    """Return every claim with its verdict, and how many there are of each; and apart the checks and our questions.
 
     Args:
         groups: counted apart: the claims whose ids begin with one of these.
     """
     table = judged(page.stored, trust=page.trust)
-    kinds = verdicts_in(table)
+    claims = table[table["kind"].isin(["claim", "hypothesis"])]
+    kinds = verdicts_in(claims)
     chosen = {
-        title: table[table["id"].str.startswith(tuple(beginnings))]
+        title: claims[claims["id"].str.startswith(tuple(beginnings))]
         for title, beginnings in {**(groups or {}), "all claims": [""]}.items()
     }
     for evidence in EVIDENCE:
-        of_it = table[table["evidence"] == evidence]
+        of_it = claims[claims["evidence"] == evidence]
         if len(of_it):
             chosen[f"of these, evidence {plain(evidence)}"] = of_it
     counts = [[title, *((rows["verdict"] == verdict).sum() for verdict in kinds)] for title, rows in chosen.items()]
     columns = [Column("", "claims"), *(Column(plain(verdict), verdict) for verdict in kinds)]
     data = Data(list(table.columns), table.to_numpy(dtype=object).tolist())
-    rows = [_told(claim) for claim in table.to_dict("records")]
-    claims = Table("claims", [Column(title) for title in CLAIMS], rows, data, csv="claims.csv")
-    failed = table[table["reason"].str.startswith(FAILED)].to_dict("records")
-    problems = [Problem(f"claims.{claim['id']}: {claim['reason']}") for claim in failed]
-    return [Table("verdicts", columns, counts), claims, *problems]
-
-
-def _told(claim: Mapping[Any, Any]) -> list[str]:
-    """Return a claim as a row of words."""
-    reason = f": {claim['reason']}" if claim["reason"] else ""
-    found = [claim["id"], claim["statement"], claim["where"], printed_figure(claim), measured_figure(claim)]
-    return [
-        *found,
-        str(claim["n"]),
-        claim["simulator"],
-        claim["tolerance"],
-        plain(claim["evidence"]),
-        plain(claim["verdict"]) + reason,
+    blocks: list[Block] = [
+        Table("verdicts", columns, counts),
+        Table("claims", *_printed_rows(claims, CLAIMS), data, csv="claims.csv"),
     ]
+    checks, questions = (table[table["kind"] == kind] for kind in ("check", "question"))
+    if len(checks):
+        held = ", ".join(f"{(checks['verdict'] == word).sum()} {word}" for word in CHECK_VERDICTS)
+        text = f"Inputs copied from the paper, and what holds by construction; none of them is a claim: {held}."
+        blocks += [Heading("Checks", 3), Paragraph(text), Table("checks", *_printed_rows(checks, CHECKS))]
+    if len(questions):
+        text = "What the paper does not claim: nothing is printed to hold these figures against."
+        blocks += [
+            Heading("Our questions", 3),
+            Paragraph(text),
+            Table("questions", *_printed_rows(questions, QUESTIONS)),
+        ]
+    failed = table[table["reason"].str.startswith(FAILED)].to_dict("records")
+    return [*blocks, *(Problem(f"claims.{claim['id']}: {claim['reason']}") for claim in failed)]
+
+
+def _printed_rows(table: "pd.DataFrame", columns: Sequence[str]) -> tuple[list[Column], list[list[str]]]:
+    """Return the columns and rows of a table of claims, checks or questions, without columns that hold nothing."""
+    told = [_told(row) for row in table.to_dict("records")]
+    filled = [column for column in columns if column in ALWAYS or any(row[column] for row in told)]
+    return [Column(column) for column in filled], [[row[column] for column in filled] for row in told]
+
+
+def _told(claim: Mapping[Any, Any]) -> dict[str, str]:
+    """Return a row of ``claims.csv`` as words by their columns."""
+    reason = f": {claim['reason']}" if claim["reason"] else ""
+    return {
+        **{word: claim[word] for word in ("id", "statement", "where", "simulator", "tolerance")},
+        "question": claim["statement"],
+        "printed": printed_figure(claim),
+        "measured": measured_figure(claim),
+        "n": str(claim["n"]),
+        "evidence": plain(claim["evidence"]),
+        "verdict": plain(claim["verdict"]) + reason,
+        "where something else is plausible": _plausible(claim),
+    }
+
+
+def _plausible(claim: Mapping[Any, Any]) -> str:
+    """Return a figure's range over what its measure might plausibly take, and whether the verdict hangs on it."""
+    if math.isnan(claim["plausible_low"]):
+        return ""
+    figures = f"{number(claim['plausible_low'])} to {number(claim['plausible_high'])}"
+    return f"{figures}; " + (
+        f"the verdict hangs on it: {claim['hangs_on']}" if claim["hangs_on"] else "the same verdict"
+    )
 
 
 def printed_figure(claim: Mapping[Any, Any]) -> str:
     """Return the number that a paper prints of a claim, a row of ``claims.csv``, where it prints one."""
-    return MISSING if math.isnan(claim["printed"]) else f"{claim['printed']:g} {claim['unit']}".strip()
+    return f"{claim['printed']} {claim['unit']}".strip() or MISSING
 
 
 def measured_figure(claim: Mapping[Any, Any]) -> str:
@@ -159,10 +216,9 @@ def printed_table(
 
 def _printed(stored: StoredResults, beginning: str) -> dict[tuple[str | None, str], float]:
     """Return the printed figures of some claims by the label, None for every one, and world of each."""
-    found = claims_of("claims", stored.manifest["study"]["claims"])
     return {
         (claim.of.get("label"), claim.of["world"]): quantity("printed", claim.printed)[0]
-        for name, claim in found.items()
+        for name, _, claim in entries("", stored.manifest["study"], stored=True)
         if name.startswith(beginning) and claim.of and claim.printed is not None
     }
 

@@ -50,7 +50,7 @@ def words(cell: Cell, show: str = "interval", decimals: int | None = None, signe
     if math.isnan(value):
         return MISSING
     told = {name: number(x, decimals, signed) for name, x in (("value", value), ("low", low), ("high", high))}
-    form = FORMS["value" if show == "interval" and low == high else show]
+    form = FORMS["value" if show == "interval" and (low == high or math.isnan(low)) else show]
     if show in COUNTED:
         told["held"] = str(round(value * n))
     return form.format(**told, n=n, percent=f"{100.0 * value:.0f}")

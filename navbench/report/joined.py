@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from navbench.analysis.claims import COLUMNS, EVIDENCE, HYPOTHESIS_VERDICTS, VERDICTS
+from navbench.analysis.evidence import EVIDENCE
+from navbench.analysis.verdicts import CHECK_VERDICTS, COLUMNS, HYPOTHESIS_VERDICTS, VERDICTS
 from navbench.experiments.store import write_table
 from navbench.report.claims import measured_figure, plain, printed_figure
 from navbench.report.document import Block, Column, Document, Heading, Lines, Paragraph, Table
@@ -20,10 +21,17 @@ PAGE = "README.md"
 FINDINGS = 3  # of each study; its report holds all
 VERDICT_WORDS = (
     "Within its tolerance a claim is reproduced, within twice the tolerance partly. Evidence says what an agreement "
-    "is worth: *free*, nothing about it was chosen by looking at the figure; *selected*, parameters were chosen by "
-    "success in such worlds; *fitted*, to this very figure or one beside it, so that an agreement is not testable; "
-    "*layout unknown*, the paper draws the world without numbers, so that a disagreement may be the layout's."
+    "is worth, by the sources of all values that the claim's cells use: *fitted*, one was fitted to this very figure, "
+    "so that it cannot be tested by it; *selected*, one was chosen by success in the claim's world, or fitted there to "
+    "another figure; *layout unknown*, the paper draws the world without numbers, so that a disagreement may be the "
+    "layout's; *free*, none of these. Checks and our own questions are not counted."
 )
+FIGURES = ("measured", "low", "high", "n", "plausible_low", "plausible_high")  # the other columns are words
+NEWER: dict[str, Any] = {  # columns that some tables of claims do not have yet, with what they would hold
+    "kind": "claim",
+    **dict.fromkeys(("simulator", "hangs_on", "because"), ""),
+    **dict.fromkeys(("plausible_low", "plausible_high"), math.nan),
+}
 
 
 class Found(NamedTuple):
@@ -35,7 +43,7 @@ class Found(NamedTuple):
         summary: what its report says first, in Markdown.
         findings: its findings, each a sentence of Markdown.
         errata: what its paper prints wrong or leaves open: where, printed, here.
-        claims: its table of claims, with the columns of ``claims.csv``; no rows where it has none.
+        claims: its table of what its paper claims, with the columns of ``claims.csv``; no rows where it has none.
     """
 
     name: str
@@ -88,7 +96,7 @@ def read_study(path: Path) -> Found:
             told["summary"],
             [finding["text"] for finding in told["findings"]],
             told["errata"],
-            read_claims(path / "claims.csv"),
+            read_claims(path / "claims.csv").query("kind == 'claim'"),
         )
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, DescriptionError):
@@ -111,13 +119,15 @@ def read_claims(file: Path) -> "pd.DataFrame":
     if not file.is_file():
         return pd.DataFrame(columns=COLUMNS)
     try:
-        table = pd.read_csv(file, dtype={"id": str, "statement": str, "reason": str, "unit": str})
+        texts = {column: str for column in COLUMNS if column not in FIGURES}
+        table = pd.read_csv(file, dtype=texts, na_values=dict.fromkeys(FIGURES, ""), keep_default_na=False)
     except (ValueError, OSError) as error:
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
-    table = table.fillna({"reason": "", "unit": "", "where": "", "evidence": "", "simulator": ""})
-    if list(table.columns) != list(COLUMNS):
+    if [column for column in COLUMNS if column in table or column not in NEWER] != list(table.columns):
         raise DescriptionError(f"{file}: its columns must be {', '.join(COLUMNS)}")
-    for column, allowed in (("verdict", (*VERDICTS, *HYPOTHESIS_VERDICTS)), ("evidence", (*EVIDENCE, ""))):
+    table = table.assign(**{column: value for column, value in NEWER.items() if column not in table})[COLUMNS]
+    verdicts = (*VERDICTS, *HYPOTHESIS_VERDICTS, *CHECK_VERDICTS)
+    for column, allowed in (("verdict", (*verdicts, "")), ("evidence", (*EVIDENCE, ""))):
         wrong = table[~table[column].isin(allowed)]
         if len(wrong):
             value = wrong[column].iloc[0]
@@ -169,11 +179,12 @@ def _refuted(studies: Sequence[Found]) -> list[Block]:
 
 def _off(claim: Mapping[Any, Any]) -> str:
     """Return how far the measured figure lies from the printed one, in the form of the claim's tolerance."""
-    if math.isnan(claim["printed"]):
+    if not claim["printed"]:
         return f"holds in {100.0 * claim['measured']:.0f} %"
-    away = claim["measured"] - claim["printed"]
+    printed = float(claim["printed"])
+    away = claim["measured"] - printed
     if str(claim["tolerance"]).endswith("%"):
-        return f"off by {100.0 * away / abs(claim['printed']):+.0f} %"
+        return f"off by {100.0 * away / abs(printed):+.0f} %"
     return f"off by {away:+.3g}"
 
 

@@ -9,9 +9,9 @@ from typing import Any
 from navbench.analysis.stored import leaves_of
 from navbench.report.document import MISSING, Blocks, Column, Data, Paragraph
 from navbench.report.page import Page
+from navbench.sources import KINDS
 
 PARTS = ("controller", "world", "robot", "sensors", "simulator")
-KINDS = ("paper", "derived", "public", "tuned", "fitted", "assumed")
 COLUMNS = tuple(
     map(Column, ("part", "name", "parameter", "value", "source", "which, or why", "another reader might take"))
 )
@@ -83,6 +83,7 @@ def _joined(rows: Iterable[dict[str, str]]) -> list[dict[str, str]]:
 
 def _row(part: str, name: str, key: str, values: list[str], source: Mapping[str, Any]) -> dict[str, str]:
     kind = next((kind for kind in KINDS if kind in source), MISSING)
+    chosen, varied = source.get("claims") or source.get("worlds"), source.get("range") or source.get("choices")
     return {
         "part": part,
         "name": name,
@@ -90,8 +91,8 @@ def _row(part: str, name: str, key: str, values: list[str], source: Mapping[str,
         "value": values[0],
         "also": ", ".join(values[1:]),
         "source": kind,
-        "why": str(source.get(kind, "")),
-        "range": json.dumps(source["range"]) if "range" in source else "",
+        "why": str(source.get(kind, "")) + (f" ({', '.join(chosen)})" if chosen else ""),
+        "range": json.dumps(varied) if varied else "",
     }
 
 

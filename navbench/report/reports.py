@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from navbench.analysis.claims import check_claims, claims_of
+from navbench.analysis.claims import check_claims, entries
 from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.store import Results, write_table
@@ -73,7 +73,7 @@ def write_report(
 def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir: str | None) -> Written:
     """Write a study's report."""
     study, manifest = stored.manifest["study"], stored.manifest
-    check_claims("claims", study["claims"], trust)
+    check_claims("", study, trust, stored=True)
     for i, spec in enumerate(study["report"]):
         check_section(f"report[{i}]", spec, trust)
     page = Page(stored, out, trust=trust)
@@ -133,7 +133,7 @@ def _making(stored: StoredResults, config_dir: str | None) -> list[Block]:
 def _named(study: Mapping[str, Any]) -> list[str]:
     """Return what a study names that is run for its report: sections, measures of claims, measures in findings."""
     sections = list(map(named, study["report"]))
-    claims = claims_of("claims", study["claims"]).values()
+    claims = [entry.claim for entry in entries("", study, stored=True)]
     sentences = [sentence for section in sections for sentence in section.get("sentences", ())]
     specs = [*sections, *(spec for sentence in sentences for spec in sentence.get("with", {}).values())]
     return [*(claim.measure or "" for claim in claims), *(spec.get("name", "") for spec in specs)]

@@ -92,15 +92,14 @@ def build_section(page: Page, spec: Spec | str) -> list[Block]:
     title = spec.get("title") or name.replace("_", " ").capitalize()
     text = [Paragraph(spec["text"])] if spec.get("text") else []
     here = replace(page, file=spec.get("file", name), caption=spec.get("caption") or title)
-    with page.stored.noting() as noted:
+    with page.stored.noting() as used:
         blocks = _built(section, here, arguments, str(spec["name"]))
-    return [Heading(title), *text, *_simulators(noted), *blocks]
+    return [Heading(title), *text, *_simulators(used.simulators), *blocks]
 
 
-def _simulators(noted: Set[tuple[str, str]]) -> list[Block]:
+def _simulators(found: Mapping[str, Set[str]]) -> list[Block]:
     """Return the line that says which simulator made a section's numbers, of which cells where there are several."""
-    found = {simulator: sorted(name for of, name in noted if of == simulator) for simulator, _ in sorted(noted)}
-    told = [f"{simulator} ({', '.join(names)})" if len(found) > 1 else simulator for simulator, names in found.items()]
+    told = [f"{one} ({', '.join(sorted(of))})" if len(found) > 1 else one for one, of in sorted(found.items())]
     return [Paragraph(f"Simulator: {'; '.join(told)}.")] if told else []
 
 
