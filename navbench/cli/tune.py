@@ -15,7 +15,7 @@ HELP = """navbench tune controller=NAME tuner=NAME [...]: search a controller's 
   tuner= objective=                                 how to search, and for what: `navbench list tuner objective`
   budget=N                                          how many evaluations
   world= worlds=[...]                               where, and in which further worlds
-  simulator=planar verify=pybullet                  where it searches, and where the best is run again (null: nowhere)
+  simulator=planar verify=NAME                      where it searches, and where the best is run again (null: nowhere)
   name=WORD                                         what to call the tuned controller; default TUNER_CONTROLLER
   +controller.tunable.KEY={low: X, high: X, scale: linear}
                                                     search one more parameter of the controller, within bounds
