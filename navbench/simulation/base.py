@@ -6,12 +6,14 @@ An engine adds only what a robot's rays hit: ``build``, ``place`` and ``cast`` o
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import direct
 from navbench.contract import Pose
 from navbench.records import Thing
 from navbench.robot import Robot
@@ -41,6 +43,7 @@ _BEGUN = (
     *("x_m", "y_m", "heading_rad", "arc_x_m", "arc_y_m", "arc_heading_rad"),
     *("goal_x_m", "goal_y_m", "running"),
 )
+_MOTION = RobotState._fields.index("clearance_m")  # so many of a robot's numbers say how it moves: see ``motions``
 
 
 class Simulator(ABC):
@@ -63,7 +66,7 @@ class Simulator(ABC):
         scene: what the layout holds, where it is now.
         robots: (n_robots,) of ``ROBOT``, as they are now.
         rays: the ring's rays in the robot's frame.
-        running: how many robots have no outcome yet.
+        active: the numbers of those robots that have no outcome yet.
         fixed: (1,) of ``FIXED``, what does not change in the episode.
         pipeline: the commands on their way to the wheels: issued (n, 2) and in force (n, 2) for each left and right
             wheel [m/s]; of those in flight when each arrives (k,) [s] and it (k, n, 2); and how many these are (1,).
@@ -75,7 +78,7 @@ class Simulator(ABC):
     is_compiled: ClassVar[bool] = False
 
     scene: Scene
-    running: int
+    active: list[int]
     pipeline: Pipeline
 
     def __init__(self, options: SimulatorOptions, robot: Robot, sensors: Sensors, accel_max_mps2: float | None) -> None:
@@ -139,6 +142,7 @@ class Simulator(ABC):
         count = len(starts)
         self.scene = scene = Scene(layout)
         self.robots = np.zeros(count, ROBOT)
+        self._motions = self.robots.view(np.float64).reshape(count, -1)[:, :_MOTION]
         for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
             self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, 1)
         self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
@@ -146,15 +150,25 @@ class Simulator(ABC):
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
         )  # fmt: skip
         self._unobstructed = np.tile(self.rays.unobstructed, (count, 1))
-        self.running = count
+        self.active = list(range(count))
         self.build()
         self._is_placed = False
         measure_clearance(self.robots, scene.arrays, self.robot.radius_m)
         self.robots["min_clearance_m"] = self.robots["clearance_m"]
 
+    @property
+    def running(self) -> int:
+        """How many robots have no outcome yet."""
+        return len(self.active)
+
     def states(self) -> list[RobotState]:
         """Return what is known of each robot now."""
         return list(map(RobotState._make, self.robots.tolist()))
+
+    def motions(self) -> list[list[float]]:
+        """Return of each robot's ``RobotState`` what comes before the clearance: pose, speeds and travel."""
+        motions: list[list[float]] = self._motions.tolist()
+        return motions
 
     def tracked_discs(self, index: int) -> FloatArray:
         """Return discs, movers, circles around polygons and the other robots: (n, 5) x, y, radius, vx, vy [m, m/s]."""
@@ -171,8 +185,7 @@ class Simulator(ABC):
     @property
     def touching(self) -> list[bool]:
         """Whether each robot touches something that it hit."""
-        touches: list[bool] = self.robots["touches"].astype(bool).tolist()
-        return touches
+        return list(map(bool, self.robots["touches"].tolist()))
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
@@ -209,7 +222,7 @@ class Simulator(ABC):
         Raises:
             ValueError: the wheels' speeds are not finite.
         """
-        if not set_command(self.pipeline[0], index, v_mps, w_radps, self.fixed):
+        if not self._command(self.pipeline[0], index, v_mps, w_radps, self.fixed):
             raise ValueError(f"the wheels' speeds must be finite, got v_mps={v_mps}, w_radps={w_radps} in the world")
 
     def reserve(self, period_s: float) -> None:
@@ -230,18 +243,16 @@ class Simulator(ABC):
             dt_s: its length [s].
         """
         self.reserve(dt_s)
-        before, running = self.robots["running"].copy(), self.running
-        self.running = advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
+        running = self._advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
         self._is_placed = False
         if self.options.gui:
             self._place()
             self.show(dt_s)
-        return self._events(before) if self.running < running else []
-
-    def _events(self, before: NDArray[np.int64]) -> list[Event]:
-        """Return the ends of those robots that ran before, (n,), and do no more, in order of time."""
-        ended = np.flatnonzero(before > self.robots["running"]).tolist()
-        return sorted((self.end(i) for i in ended), key=lambda event: (event.t_s, event.robot_index))
+        if running == len(self.active):
+            return []
+        before, self.active = self.active, np.flatnonzero(self.robots["running"]).tolist()
+        ended = set(before).difference(self.active)
+        return sorted(map(self.end, ended), key=lambda event: (event.t_s, event.robot_index))
 
     def end(self, index: int) -> Event:
         """Return how one robot ended."""
@@ -253,9 +264,17 @@ class Simulator(ABC):
     def stop(self, index: int) -> None:
         """Take one robot out of the episode: it stays where it is, as an obstacle."""
         self.robots[index]["running"], self.robots[index]["outcome"] = 0, STOPPED
-        self.running -= 1
+        self.active.remove(index)
 
     # --- how it is done ---
+
+    @cached_property
+    def _command(self) -> Callable[..., bool]:
+        return direct(set_command, self.pipeline[0], 0, 0.0, 0.0, self.fixed)
+
+    @cached_property
+    def _advance(self) -> Callable[..., int]:
+        return direct(advance, self.robots, self.pipeline, self.scene.arrays, self.fixed, 0.0, 0.0)
 
     def _thing(self, kind: int, row: int) -> Thing:
         """Return what has this row among the scene's things of a kind."""
