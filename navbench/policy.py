@@ -6,10 +6,12 @@ function answers ``act``, so that both drive alike to the last bit.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import float64, types
+from numba.core.dispatcher import Dispatcher
 
 from navbench.compiled import compiled
 from navbench.contract import Command, FloatArray, Observation
@@ -50,6 +52,13 @@ class Policy:
         object.__setattr__(self, "trace", np.zeros(len(self.trace_names)))
 
 
+@cache
+def _direct(step: Any) -> Step:
+    """Return a step for arguments of its signature's types, which are not looked up at each call."""
+    found: Step = step.compile(SIGNATURE.args) if isinstance(step, Dispatcher) else step
+    return found
+
+
 class CompiledController:
     """A controller that is a compiled policy; ``reset`` must set ``policy``.
 
@@ -63,8 +72,10 @@ class CompiledController:
         """Return the policy's command."""
         policy = self.policy
         _, pose, goal, v_mps, w_radps, ranges_m, _, discs = observation
-        v, w = policy.step(
-            policy.state, policy.parameters, ranges_m, discs, tuple(pose), goal, (v_mps, w_radps), policy.trace
+        ranges_m = np.ascontiguousarray(ranges_m, dtype=np.float64)
+        discs = np.ascontiguousarray(discs, dtype=np.float64)
+        v, w = _direct(policy.step)(
+            policy.state, policy.parameters, ranges_m, discs, pose, goal, (v_mps, w_radps), policy.trace
         )
         return Command(v, w)
 

@@ -92,7 +92,8 @@ class Rays:
             self._room = np.empty(places, np.int64)
         given = robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons, self._room
         self._find = self._find or direct(_deciding, *given)
-        return self._room[: self._find(*given)]
+        end: int = self._find(*given)
+        return self._room[:end]
 
     def all_of(self, robots: NDArray[np.void]) -> IntArray:
         """Return the numbers of all rays of those robots that run, as ``deciding`` does."""
@@ -175,7 +176,7 @@ def _deciding(
     most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number; no more sensors than rays
     near_boxes = np.empty(boxes.shape[0], np.int64)
     near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
-    count = robots.shape[0] + 1
+    count: int = robots.shape[0] + 1
     for index in range(robots.shape[0]):
         asked[index] = count
         if not robots[index].running or robots[index].clearance_m > reach_m:
