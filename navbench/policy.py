@@ -27,6 +27,11 @@ SIGNATURE = _PAIR(
 Step = Callable[..., tuple[float, float]]
 
 
+def _as_given(array: FloatArray) -> FloatArray:
+    """Return an array as the signature has it, itself if it is so: compiled code would misread another one."""
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
     """A controller as a compiled function and its arrays; a policy drives one robot through one episode.
@@ -48,7 +53,9 @@ class Policy:
     trace: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Make room for the trace."""
+        """Make room for the trace, and make of all arrays what the signature says."""
+        for name in ("state", "parameters"):
+            object.__setattr__(self, name, _as_given(getattr(self, name)))
         object.__setattr__(self, "trace", np.zeros(len(self.trace_names)))
 
 
@@ -72,8 +79,7 @@ class CompiledController:
         """Return the policy's command."""
         policy = self.policy
         _, pose, goal, v_mps, w_radps, ranges_m, _, discs = observation
-        ranges_m = np.ascontiguousarray(ranges_m, dtype=np.float64)
-        discs = np.ascontiguousarray(discs, dtype=np.float64)
+        ranges_m, discs = _as_given(ranges_m), _as_given(discs)
         v, w = _direct(policy.step)(
             policy.state, policy.parameters, ranges_m, discs, pose, goal, (v_mps, w_radps), policy.trace
         )

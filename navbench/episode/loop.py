@@ -43,7 +43,7 @@ class _Pilot:
 
     controller: Controller
     perception: Perception
-    rows: list[tuple[float, ...]] = field(default_factory=list)
+    rows: list[float] = field(default_factory=list)
     states: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     traces: list[bytes] = field(default_factory=list)
     trace_names: tuple[str, ...] | None = None
@@ -275,7 +275,7 @@ class EpisodeRunner:
         for i in active:
             pilot, (x, y, heading, *_) = pilots[i], before[i]
             if pilot.outcome == "controller_error":
-                pilot.rows.append((t_s, x, y, heading, 0.0, 0.0))
+                pilot.rows += t_s, x, y, heading, 0.0, 0.0
                 pilot.end_s = t_s
                 continue
             pilot.end_s = t_s + dt_s
@@ -285,7 +285,7 @@ class EpisodeRunner:
                 duration = max(pilot.end_s - t_s, 1e-12)
             *_, left, right = after[i]
             v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
-            pilot.rows.append((t_s, x, y, heading, v, w))
+            pilot.rows += t_s, x, y, heading, v, w
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
         return after

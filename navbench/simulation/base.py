@@ -149,6 +149,7 @@ class Simulator(ABC):
         self.pipeline = (
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
         )  # fmt: skip
+        self._reserved_s = math.inf
         self._unobstructed = np.tile(self.rays.unobstructed, (count, 1))
         self.active = list(range(count))
         self.build()
@@ -193,26 +194,25 @@ class Simulator(ABC):
         Where nothing is, and of robots that have ended, it is the largest range. The engine is asked only for the rays
         that may be what their sensors read.
         """
-        rays, scene = self.rays, self.scene
-        clearances_m = self.robots["clearance_m"].tolist()
+        rays, scene, robots = self.rays, self.scene, self.robots
+        clearances_m, ranges = robots["clearance_m"].tolist(), self._unobstructed.copy()
         least_m = min(clearances_m)
-        ranges = self._unobstructed.copy()
         if least_m > rays.reach_m:
             return ranges
-        has_grid = len(scene.grid[0]) > 0
-        deciding = (
-            rays.all_of(self.robots)
-            if has_grid
-            else rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
-        )
-        asked = rays.split(deciding, len(self.robots))
-        if not any(asked):
+        if len(scene.grid[0]):
+            deciding = rays.all_of(robots)
+        else:
+            deciding = rays.deciding(robots, scene.boxes, scene.discs, scene.polygons)
+        shares: list[float] = []
+        for i, own in enumerate(rays.split(deciding, len(robots))):
+            if own:
+                if not self._is_placed:
+                    self._place()
+                shares += self.cast(i, own)
+        if not shares:
             return ranges
-        if not self._is_placed:
-            self._place()
-        shares = [share for i, own in enumerate(asked) if own for share in self.cast(i, own)]
         rays.read(deciding, shares, ranges)
-        if least_m <= max(rays.exposed_m, 0.0):
+        if least_m <= rays.exposed_m:
             self._blind_inside_things(ranges, clearances_m)
         return ranges
 
@@ -227,13 +227,14 @@ class Simulator(ABC):
 
     def reserve(self, period_s: float) -> None:
         """Make room for the commands that may be in flight at once with a control period [s]."""
+        if period_s >= self._reserved_s:
+            return
+        self._reserved_s = period_s
         issued, in_force, flight_s, flight, flying = self.pipeline
-        places = math.ceil(self._delay_s / period_s) + 2
-        if len(flight_s) < places:
-            more = places - len(flight_s)
-            flight_s = np.concatenate([flight_s, np.zeros(more)])
-            flight = np.concatenate([flight, np.zeros((more, *issued.shape))])
-            self.pipeline = issued, in_force, flight_s, flight, flying
+        more = max(math.ceil(self._delay_s / period_s) + 2 - len(flight_s), 0)
+        flight_s = np.concatenate([flight_s, np.zeros(more)])
+        flight = np.concatenate([flight, np.zeros((more, *issued.shape))])
+        self.pipeline = issued, in_force, flight_s, flight, flying
 
     def advance(self, t_s: float, dt_s: float) -> list[Event]:
         """Move everything through one control period and return the ends that came in it, in order of time.
@@ -301,7 +302,7 @@ class Simulator(ABC):
         scene = self.scene
         for i, clearance_m in enumerate(clearances_m):
             robot = self.robots[i]
-            if clearance_m <= max(self.rays.exposed_m, 0.0) and robot["running"]:
+            if clearance_m <= self.rays.exposed_m and robot["running"]:
                 others = np.empty((len(self.robots) - 1, 5))
                 other_robots(self.robots, i, self.robot.radius_m, others)
                 discs = np.concatenate([scene.discs, others])

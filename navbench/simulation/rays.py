@@ -42,7 +42,8 @@ class Rays:
         table: (n_rays,) of ``RAY``.
         unobstructed: what each sensor reads where nothing is seen [m].
         reach_m: what is further from the hull is hit by no ray [m].
-        exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
+        exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull, at least 0
+            [m].
         cross_hull: whether a ray comes from outside the hull and through it, or nearly; no ray sees its own robot.
     """
 
@@ -71,7 +72,7 @@ class Rays:
         self._find: Callable[..., int] | None = None
         self._lower: Callable[..., None] | None = None
         self.reach_m = reach - radius_m
-        self.exposed_m = exposed - radius_m
+        self.exposed_m = max(exposed - radius_m, 0.0)
 
     def deciding(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
