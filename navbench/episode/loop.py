@@ -267,9 +267,9 @@ class EpisodeRunner:
     def _period(self, pilots: list[_Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
         """Let every running robot observe and act, then move all; keep what they did and return their new motions."""
         simulator = self.simulator
-        active, touching, ranges = simulator.active.copy(), simulator.touching, simulator.ranges()
+        active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.robots["touches"].tolist()
         for i in active:
-            self._act(pilots[i], i, t_s, before[i], ranges[i], touching[i])
+            self._act(pilots[i], i, t_s, before[i], ranges[i], bool(touches[i]))
         ends = {event.robot_index: event for event in simulator.advance(t_s, dt_s)} if simulator.active else {}
         after = simulator.motions()
         for i in active:
