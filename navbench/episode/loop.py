@@ -1,12 +1,10 @@
 """One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
 
 import math
-import reprlib
 import struct
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from numbers import Real
 from operator import itemgetter
 
 import numpy as np
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
 from navbench.episode.closed_loop import run_closed
-from navbench.episode.failures import ContractError, Failure, failure, velocities, wrong_trace
+from navbench.episode.failures import ContractError, Failure, failure, measured, velocities, wrong_trace
 from navbench.episode.perception import Perception, Senses
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
@@ -66,6 +64,9 @@ class _Pilot:
             self.traces.append(self.controller.policy.trace.tobytes())
             return
         trace = trace_of(self.controller)
+        if not trace and type(trace) is dict and not self.trace_names:
+            self.trace_names = ()
+            return
         try:
             if self.trace_names is None:
                 self.trace_names = names = tuple(trace)
@@ -280,9 +281,9 @@ class EpisodeRunner:
     def _period(self, pilots: list[_Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
         """Let every running robot observe and act, then move all; keep what they did and return their new motions."""
         simulator = self.simulator
-        active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.robots["touches"].tolist()
+        active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.touching
         for i in active:
-            self._act(pilots[i], i, t_s, before[i], ranges[i], bool(touches[i]))
+            self._act(pilots[i], i, t_s, before[i], ranges[i], touches[i])
         ends = {event.robot_index: event for event in simulator.advance(t_s, dt_s)} if simulator.active else {}
         after = simulator.motions()
         for i in active:
@@ -353,7 +354,7 @@ class EpisodeRunner:
             radius_m=self._robot.radius_m,
             layout=self._world,
         )
-        metrics, faults = _measured(self._metrics, run)
+        metrics, faults = measured(self._metrics, run)
         said = [Failure(f"hit {pilot.hit}") if pilot.hit else pilot.failure, *faults]
         return RobotRecord(
             index,
@@ -368,23 +369,6 @@ class EpisodeRunner:
             self._world,
             "\n".join(failed.traceback for failed in said if failed.traceback),
         )
-
-
-def _measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str, float], list[Failure]]:
-    """Return each metric's value by its name, nan where it could not be computed, and why."""
-    values: dict[str, float] = {}
-    faults = []
-    for function, metric in zip(metrics, declared(metrics), strict=True):
-        try:
-            value = function(run)
-            if not isinstance(value, int | float | Real):
-                raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
-            values[metric.name] = value if type(value) is int else float(value)
-        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more
-            fault = failure(error, function)
-            values[metric.name] = math.nan
-            faults.append(fault._replace(reason=f"metric {metric.name}: {fault.reason}"))
-    return values, faults
 
 
 class _Absent:
