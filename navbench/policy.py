@@ -6,10 +6,12 @@ A controller offers one by deriving from ``CompiledController`` and writing ``ma
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import float64, types
+from numba.core.dispatcher import Dispatcher
 
 from navbench.compiled import compiled
 from navbench.contract import Command, FloatArray, Observation, Setup
@@ -23,6 +25,11 @@ SIGNATURE = _PAIR(
 )  # a step's
 
 Step = Callable[..., tuple[float, float]]
+
+
+def _as_given(array: FloatArray) -> FloatArray:
+    """Return an array as the signature has it, itself if it is so: compiled code would misread another one."""
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,12 +53,21 @@ class Policy:
     trace: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Make room for the trace."""
+        """Make room for the trace, and make of all arrays what the signature says."""
+        for name in ("state", "parameters"):
+            object.__setattr__(self, name, _as_given(getattr(self, name)))
         object.__setattr__(self, "trace", np.zeros(len(self.trace_names)))
 
     def begun(self) -> "Policy":
         """Return the policy for one more episode, with a state and a trace of its own."""
         return replace(self, state=self.state.copy())
+
+
+@cache
+def _direct(step: Any) -> Step:
+    """Return a step for arguments of its signature's types, which are not looked up at each call."""
+    found: Step = step.compile(SIGNATURE.args) if isinstance(step, Dispatcher) else step
+    return found
 
 
 class CompiledController:
@@ -84,8 +100,9 @@ class CompiledController:
         """Return the policy's command."""
         policy = self.policy
         _, pose, goal, v_mps, w_radps, ranges_m, _, discs = observation
-        v, w = policy.step(
-            policy.state, policy.parameters, ranges_m, discs, tuple(pose), goal, (v_mps, w_radps), policy.trace
+        ranges_m, discs = _as_given(ranges_m), _as_given(discs)
+        v, w = _direct(policy.step)(
+            policy.state, policy.parameters, ranges_m, discs, pose, goal, (v_mps, w_radps), policy.trace
         )
         return Command(v, w)
 

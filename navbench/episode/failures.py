@@ -1,13 +1,15 @@
-"""What is said of a controller that fails: one line for a screen, which names its own file, and the traceback."""
+"""What is said of a controller or metric that fails: a line that names its own file, and the traceback."""
 
 import math
 import reprlib
 import struct
 import traceback
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from textwrap import shorten
 from typing import Any, NamedTuple
 
+from navbench.metrics import MetricFunction, RobotRun, declared
 from navbench.raised import REASON_MAX, first_line, is_framework, one_line
 
 FRAMES_MAX = 20  # of a traceback, the innermost
@@ -77,3 +79,20 @@ def failure(error: BaseException, act: object = None) -> Failure:
         frame = frame.tb_next
     lines = traceback.format_exception(type(error), error, frame, limit=-FRAMES_MAX)
     return Failure(one_line(error), "".join(lines))
+
+
+def measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str, float], list[Failure]]:
+    """Return each metric's value by its name, nan where it could not be computed, and why."""
+    values: dict[str, float] = {}
+    faults = []
+    for function, metric in zip(metrics, declared(metrics), strict=True):
+        try:
+            value = function(run)
+            if not isinstance(value, int | float | Real):
+                raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
+            values[metric.name] = value if type(value) is int else float(value)
+        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more
+            fault = failure(error, function)
+            values[metric.name] = math.nan
+            faults.append(fault._replace(reason=f"metric {metric.name}: {fault.reason}"))
+    return values, faults

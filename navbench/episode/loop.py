@@ -1,12 +1,10 @@
 """One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
 
 import math
-import reprlib
 import struct
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from numbers import Real
 from operator import itemgetter
 
 import numpy as np
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
 from navbench.episode.closed_loop import run_closed
-from navbench.episode.failures import ContractError, Failure, failure, velocities, wrong_trace
+from navbench.episode.failures import ContractError, Failure, failure, measured, velocities, wrong_trace
 from navbench.episode.perception import Perception, Senses
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
@@ -43,7 +41,7 @@ class _Pilot:
 
     controller: Controller
     perception: Perception
-    rows: list[tuple[float, ...]] = field(default_factory=list)
+    rows: list[float] = field(default_factory=list)
     states: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     traces: list[bytes] = field(default_factory=list)
     trace_names: tuple[str, ...] | None = None
@@ -66,6 +64,9 @@ class _Pilot:
             self.traces.append(self.controller.policy.trace.tobytes())
             return
         trace = trace_of(self.controller)
+        if not trace and type(trace) is dict and not self.trace_names:
+            self.trace_names = ()
+            return
         try:
             if self.trace_names is None:
                 self.trace_names = names = tuple(trace)
@@ -174,12 +175,12 @@ class EpisodeRunner:
 
     def _drive(self, pilots: list[_Pilot]) -> None:
         """Run control periods one by one."""
-        states, time_limit_s = self.simulator.states(), self._template.time_limit_s
+        motions, time_limit_s = self.simulator.motions(), self._template.time_limit_s
         for k in range(self._periods):
-            if not self.simulator.running:
+            if not self.simulator.active:
                 break
             t_s = k * self._period_s
-            states = self._period(pilots, states, t_s, min(self._period_s, time_limit_s - t_s))
+            motions = self._period(pilots, motions, t_s, min(self._period_s, time_limit_s - t_s))
         for pilot in pilots:
             pilot.states = np.array(pilot.rows).reshape(-1, 6)
 
@@ -215,7 +216,7 @@ class EpisodeRunner:
                 (rays.table, rays.reach_m, rays.unobstructed), senses, tuple(map(np.array, zip(*drawn, strict=True))),
                 (first, first + count, self._period_s, limit_s), room, kept,
             )  # fmt: skip
-            simulator.running = int(simulator.robots["running"].sum())
+            simulator.active = np.flatnonzero(simulator.robots["running"]).tolist()
             for i, (pilot, policy) in enumerate(zip(pilots, policies, strict=True)):
                 blocks[i].append(kept[0][i, : kept[2][i]])
                 pilot.traces.append(kept[1][i, : kept[2][i]].tobytes())
@@ -277,21 +278,18 @@ class EpisodeRunner:
             controllers[index] = controller  # nothing of an episode is left in it but its policy, which is made anew
         return controller
 
-    def _period(self, pilots: list[_Pilot], before: list[RobotState], t_s: float, dt_s: float) -> list[RobotState]:
-        """Let every running robot observe and act, then move all; keep what they did and return their new states."""
+    def _period(self, pilots: list[_Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
+        """Let every running robot observe and act, then move all; keep what they did and return their new motions."""
         simulator = self.simulator
-        active = [i for i, robot in enumerate(before) if robot.running]
-        ranges = simulator.ranges()
+        active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.touching
         for i in active:
-            self._act(pilots[i], i, t_s, before[i], ranges[i])
-        events = simulator.advance(t_s, dt_s) if simulator.running else []
-        ends = {event.robot_index: event for event in events}
-        after = simulator.states()
+            self._act(pilots[i], i, t_s, before[i], ranges[i], touches[i])
+        ends = {event.robot_index: event for event in simulator.advance(t_s, dt_s)} if simulator.active else {}
+        after = simulator.motions()
         for i in active:
-            pilot, robot = pilots[i], before[i]
-            x, y, heading = robot.x_m, robot.y_m, robot.heading_rad
+            pilot, (x, y, heading, *_) = pilots[i], before[i]
             if pilot.outcome == "controller_error":
-                pilot.rows.append((t_s, x, y, heading, 0.0, 0.0))
+                pilot.rows += t_s, x, y, heading, 0.0, 0.0
                 pilot.end_s = t_s
                 continue
             pilot.end_s = t_s + dt_s
@@ -299,22 +297,22 @@ class EpisodeRunner:
             if i in ends:
                 _, pilot.outcome, pilot.hit, pilot.end_s = ends[i]
                 duration = max(pilot.end_s - t_s, 1e-12)
-            left, right = after[i].left_travel_m, after[i].right_travel_m
+            *_, left, right = after[i]
             v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
-            pilot.rows.append((t_s, x, y, heading, v, w))
+            pilot.rows += t_s, x, y, heading, v, w
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
         return after
 
-    def _act(self, pilot: _Pilot, index: int, t_s: float, robot: RobotState, ranges_m: FloatArray) -> None:
+    def _act(
+        self, pilot: _Pilot, index: int, t_s: float, motion: list[float], ranges_m: FloatArray, touching: bool
+    ) -> None:
         """Let one robot observe and act; what it does wrong ends it with a reason."""
         simulator = self.simulator
-        left, right = robot.left_mps, robot.right_mps
+        x, y, heading, left, right, *_ = motion
         speed = (0.5 * (left + right), (right - left) / self._robot.track_m)
         discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
-        observation = pilot.perception.observe(
-            t_s, Pose(robot.x_m, robot.y_m, robot.heading_rad), speed, ranges_m, bool(robot.touches), discs
-        )
+        observation = pilot.perception.observe(t_s, Pose(x, y, heading), speed, ranges_m, touching, discs)
         try:
             begin = time.perf_counter()
             command = pilot.controller.act(observation)
@@ -356,7 +354,7 @@ class EpisodeRunner:
             radius_m=self._robot.radius_m,
             layout=self._world,
         )
-        metrics, faults = _measured(self._metrics, run)
+        metrics, faults = measured(self._metrics, run)
         said = [Failure(f"hit {pilot.hit}") if pilot.hit else pilot.failure, *faults]
         return RobotRecord(
             index,
@@ -371,23 +369,6 @@ class EpisodeRunner:
             self._world,
             "\n".join(failed.traceback for failed in said if failed.traceback),
         )
-
-
-def _measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str, float], list[Failure]]:
-    """Return each metric's value by its name, nan where it could not be computed, and why."""
-    values: dict[str, float] = {}
-    faults = []
-    for function, metric in zip(metrics, declared(metrics), strict=True):
-        try:
-            value = function(run)
-            if not isinstance(value, int | float | Real):
-                raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
-            values[metric.name] = value if type(value) is int else float(value)
-        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more
-            fault = failure(error, function)
-            values[metric.name] = math.nan
-            faults.append(fault._replace(reason=f"metric {metric.name}: {fault.reason}"))
-    return values, faults
 
 
 class _Absent:

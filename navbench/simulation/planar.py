@@ -1,11 +1,14 @@
 """The planar simulator: every ray in closed form, compiled, without any engine."""
 
 import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled, compiled_for_vectors, compiled_inline
+from navbench.compiled import compiled, compiled_for_vectors, compiled_inline, direct
 from navbench.mathematics.geometry import box_gap
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import Scenery
@@ -42,12 +45,32 @@ class PlanarSimulator(Simulator):
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m]."""
-        rays, ranges = self.rays, np.tile(self.rays.unobstructed, (len(self.robots), 1))
-        for i in range(len(ranges)):
-            read_ring(
-                self.robots, i, self.scene.arrays, rays.table, rays.reach_m, self.robot.radius_m, self.beams, ranges[i]
-            )
+        ranges = self._unobstructed.copy()
+        self._read(*self._readable(ranges))
         return ranges
+
+    def _readable(self, ranges: FloatArray) -> tuple[Any, ...]:
+        rays = self.rays
+        return self.robots, self.scene.arrays, rays.table, rays.reach_m, self.robot.radius_m, self.beams, ranges
+
+    @cached_property
+    def _read(self) -> Callable[..., None]:
+        return direct(_read_rings, *self._readable(self._unobstructed))
+
+
+@compiled
+def _read_rings(
+    robots: RobotArray,
+    scenery: Scenery,
+    rays: NDArray[np.void],
+    reach_m: float,
+    radius_m: float,
+    beams: FloatArray,
+    ranges: FloatArray,
+) -> None:
+    """Write what all running robots' rings measure, (n_robots, n_sensors), as ``read_ring``."""
+    for i in range(robots.shape[0]):
+        read_ring(robots, i, scenery, rays, reach_m, radius_m, beams, ranges[i])
 
 
 @compiled_inline

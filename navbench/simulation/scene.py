@@ -27,7 +27,9 @@ class Scene:
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        self.boxes, self.discs, self.polygons = layout.box_rows(), layout.disc_rows(), layout.polygon_rows()
+        self.boxes, self.discs, self.polygons = map(
+            np.ascontiguousarray, (layout.box_rows(), layout.disc_rows(), layout.polygon_rows())
+        )
         self.finish_line = layout.finish_line_row()
         self.fastest_mps = layout.fastest_mps
         self._round_tables = mover_tables(layout.round_movers())
