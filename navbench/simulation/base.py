@@ -185,7 +185,7 @@ class Simulator(ABC):
         if least_m > rays.reach_m:
             return self._unobstructed.copy()
         asked = rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
-        if len(scene.grid[0]):
+        if scene.grid[0].size:
             asked = [list(range(len(rays.table))) if running else [] for running in self.robots["running"].tolist()]
         if not any(asked):
             return self._unobstructed.copy()

@@ -305,18 +305,18 @@ def _first_event(
                 when = first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
-        if free.shape[0]:
+        if free.size:
             cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
-            low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[0])
-            low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[1])
+            low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[1])
+            low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[2])
             for row in range(low_row, high_row):
                 for column in range(low_column, high_column):
-                    if free[row, column] == 0:
+                    if free[0, row, column, 0] == 0:
                         cell[0, 0] = place[0] + place[2] * (column + 0.5)
                         cell[0, 1] = place[1] + place[2] * (row + 0.5)
                         when = first_touch(robot, robot, fixed, begin, limit, BOX, cell, 0)
                         if when < first:
-                            first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
+                            first, limit, who, kind, what = when, when, i, CELL, row * free.shape[2] + column
         for k in range(robots.shape[0]):
             other = robots[k]
             if k < i and other.running and not other.is_held or k == i:

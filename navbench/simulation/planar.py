@@ -117,7 +117,7 @@ def cast(
     for k in range(polygons.shape[0]):
         if _is_within(x, y, polygons[k, 0], polygons[k, 1], far + polygons[k, 2]):
             _stop_at_polygon(ax, ay, ux, uy, free, low, high, polygons[k])
-    if grid.shape[0]:
+    if grid.size:
         for k in range(rays.shape[0]):
             free[k] = min(free[k], ray_to_cell(ax[k], ay[k], ux[k], uy[k], rays[k].length_m, grid, place))
     for k in range(robots.shape[0]):
