@@ -4,6 +4,7 @@ import contextlib
 import io
 import math
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ def navground_steps(field: Field, *, has_lidar: bool) -> Side:
 
     Its own is the human-like one of Guzzi et al. (2013), on the way to the opposite place of the ring.
     """
-    from navground import core, sim
-
+    core: Any = import_module("navground.core")
+    sim: Any = import_module("navground.sim")
     states = sim.state_estimations
 
     class Rule(core.Behavior):  # type: ignore[misc]
@@ -70,8 +71,7 @@ def navground_steps(field: Field, *, has_lidar: bool) -> Side:
 
 def irsim_steps(field: Field) -> Side:
     """Return ir-sim on a field, with our rule and a lidar; contacts end nothing there, and are told."""
-    import irsim
-
+    irsim = import_module("irsim")
     circle = {"name": "circle", "radius": ROBOT.radius_m}
     lidar = {"name": "lidar2d", "range_max": RANGE_M, "angle_range": math.tau, "number": RAYS}
     robots = [

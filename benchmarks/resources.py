@@ -68,7 +68,7 @@ def startup(effort: Effort) -> Table:
                     seconds.append(cpu_seconds([sys.executable, "-m", "navbench", *command], folder))
         rows.append((name, *map(median, found)))
     begin_s = time.process_time()
-    compose_study("example" if effort.is_quick else "papers")
+    compose_study("smoke" if effort.is_quick else "papers")
     rows.append(("composing a study", "", time.process_time() - begin_s))
     return Table("Start-up", "CPU seconds of a new process.", ("", "nothing kept", "compiled code kept"), rows)
 

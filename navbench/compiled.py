@@ -55,6 +55,11 @@ def compiled_for_vectors(function: Function) -> Function:
     return compiled(function, error_model="numpy")
 
 
+def compiled_inline(function: Function) -> Function:
+    """Compile a function into each of its callers, where handing over many arrays would take longer than its work."""
+    return compiled(function, forceinline=True)
+
+
 @cache
 def digest_of_sources(beside: str | None = None) -> str:
     """Return the digest of the sources that compiled functions may inline, and of what compiles them.

@@ -190,11 +190,11 @@ class EpisodeRunner:
         (step,) = {policy.step for policy in policies}
         sights = [pilot.perception for pilot in pilots]
         stacked = tuple(
-            np.stack([getattr(policy, name) for policy in policies]) for name in ("state", "parameters", "trace")
+            np.array([getattr(policy, name) for policy in policies]) for name in ("state", "parameters", "trace")
         )
         senses = (
             self._senses.constants, self._senses.least, self._senses.most, np.array([sight.goal for sight in sights]),
-            *(np.stack([getattr(sight, name) for sight in sights]) for name in ("believed", "wheel_scale")),
+            *(np.array([getattr(sight, name) for sight in sights]) for name in ("believed", "wheel_scale")),
         )  # fmt: skip
         scene, rays = simulator.scene, simulator.rays
         discs = len(scene.discs) + len(scene.polygons) + len(pilots) - 1
@@ -211,7 +211,7 @@ class EpisodeRunner:
             simulator.reserve(min(self._period_s, limit_s))
             run_closed(
                 step, stacked, simulator.robots, simulator.pipeline, scene.arrays, simulator.fixed,
-                (rays.table, rays.reach_m, rays.unobstructed), senses, tuple(map(np.stack, zip(*drawn, strict=True))),
+                (rays.table, rays.reach_m, rays.unobstructed), senses, tuple(map(np.array, zip(*drawn, strict=True))),
                 (first, first + count, self._period_s, limit_s), room, kept,
             )  # fmt: skip
             simulator.running = int(simulator.robots["running"].sum())

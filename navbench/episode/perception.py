@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled
+from navbench.compiled import compiled, compiled_inline
 from navbench.contract import Observation, Pose
 from navbench.episode.similarity import Similarity
 from navbench.mathematics.geometry import wrap_angle
@@ -201,7 +201,7 @@ def believe(
     believed[0], believed[1], believed[2], believed[3], believed[4] = x, y, wrap_angle(heading), v, w
 
 
-@compiled
+@compiled_inline
 def read(
     ranges: FloatArray,
     errors: FloatArray,
@@ -229,7 +229,7 @@ def read(
         ranges[i] = max(min(reading, most[i]), least[i]) / sensing[0].length
 
 
-@compiled
+@compiled_inline
 def track(
     discs: FloatArray,
     errors: FloatArray,

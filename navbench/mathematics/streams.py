@@ -1,8 +1,11 @@
 """Named random streams: every source of chance is named by what it is for, never by the controller that meets it."""
 
 import hashlib
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 def stream(seed: int, world: str, episode: int, role: str, robot_index: int = 0) -> np.random.Generator:
@@ -17,10 +20,11 @@ def stream(seed: int, world: str, episode: int, role: str, robot_index: int = 0)
         role: what the stream is for, such as "start", "range", "odometry" or "layout".
         robot_index: which robot of the world, >= 0.
     """
-    return np.random.default_rng(np.random.SeedSequence([seed, *_words(world), episode, *_words(role), robot_index]))
+    words: Any = [seed, _words(world), episode, _words(role), robot_index]
+    return np.random.default_rng(np.random.SeedSequence(words))
 
 
-def _words(name: str) -> list[int]:
+@lru_cache(maxsize=1000)
+def _words(name: str) -> NDArray[np.uint32]:
     """Return the SHA-256 of a name as eight 32-bit words."""
-    digest = hashlib.sha256(name.encode()).digest()
-    return [int.from_bytes(digest[i : i + 4], "big") for i in range(0, 32, 4)]
+    return np.frombuffer(hashlib.sha256(name.encode()).digest(), ">u4").astype(np.uint32)

@@ -82,13 +82,14 @@ class Simulator(ABC):
         self.options, self.robot = options, robot
         limited = options.drive == "limited"
         self.fixed = np.zeros(1, FIXED)
+        self._delay_s = options.command_delay_s if limited else 0.0
         for name, value in {
             "radius_m": robot.radius_m,
             "track_m": robot.track_m,
             "wheel_speed_max_mps": robot.wheel_speed_max_mps,
             "accel_max_mps2": math.inf if accel_max_mps2 is None else accel_max_mps2,
             "lag_s": options.motor_lag_s if limited else 0.0,
-            "delay_s": options.command_delay_s if limited else 0.0,
+            "delay_s": self._delay_s,
             "blocks": options.on_collision == "block",
         }.items():
             self.fixed[name] = value
@@ -182,18 +183,22 @@ class Simulator(ABC):
         rays, scene = self.rays, self.scene
         clearances_m = self.robots["clearance_m"].tolist()
         least_m = min(clearances_m)
+        ranges = self._unobstructed.copy()
         if least_m > rays.reach_m:
-            return self._unobstructed.copy()
-        asked = rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
-        if scene.grid[0].size:
-            asked = [list(range(len(rays.table))) if running else [] for running in self.robots["running"].tolist()]
+            return ranges
+        has_grid = len(scene.grid[0]) > 0
+        deciding = (
+            rays.all_of(self.robots)
+            if has_grid
+            else rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
+        )
+        asked = rays.split(deciding, len(self.robots))
         if not any(asked):
-            return self._unobstructed.copy()
+            return ranges
         if not self._is_placed:
             self._place()
-        ranges = np.array(
-            [rays.read(own, self.cast(i, own)) if own else rays.unobstructed for i, own in enumerate(asked)]
-        )
+        shares = [share for i, own in enumerate(asked) if own for share in self.cast(i, own)]
+        rays.read(deciding, shares, ranges)
         if least_m <= max(rays.exposed_m, 0.0):
             self._blind_inside_things(ranges, clearances_m)
         return ranges
@@ -210,7 +215,7 @@ class Simulator(ABC):
     def reserve(self, period_s: float) -> None:
         """Make room for the commands that may be in flight at once with a control period [s]."""
         issued, in_force, flight_s, flight, flying = self.pipeline
-        places = math.ceil(float(self.fixed["delay_s"][0]) / period_s) + 2
+        places = math.ceil(self._delay_s / period_s) + 2
         if len(flight_s) < places:
             more = places - len(flight_s)
             flight_s = np.concatenate([flight_s, np.zeros(more)])
@@ -225,13 +230,13 @@ class Simulator(ABC):
             dt_s: its length [s].
         """
         self.reserve(dt_s)
-        before = self.robots["running"].copy()
+        before, running = self.robots["running"].copy(), self.running
         self.running = advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
         self._is_placed = False
         if self.options.gui:
             self._place()
             self.show(dt_s)
-        return self._events(before)
+        return self._events(before) if self.running < running else []
 
     def _events(self, before: NDArray[np.int64]) -> list[Event]:
         """Return the ends of those robots that ran before, (n,), and do no more, in order of time."""

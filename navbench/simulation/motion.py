@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled
+from navbench.compiled import compiled, compiled_inline
 from navbench.mathematics.geometry import distance_to_nearest, wrap_angle
 from navbench.mathematics.kinematics import lag_speed, ramp_speed
 from navbench.simulation.touching import (
@@ -125,7 +125,7 @@ FIXED = np.dtype(
 )
 
 
-@compiled
+@compiled_inline
 def set_command(issued: FloatArray, index: int, v_mps: float, w_radps: float, fixed: NDArray[np.void]) -> bool:
     """Set one robot's command, each wheel clipped at its limit; return False for one that is not finite."""
     limit, turn = fixed[0].wheel_speed_max_mps, 0.5 * w_radps * fixed[0].track_m
@@ -136,7 +136,7 @@ def set_command(issued: FloatArray, index: int, v_mps: float, w_radps: float, fi
     return True
 
 
-@compiled
+@compiled_inline
 def advance(
     robots: RobotArray, pipeline: Pipeline, scenery: Scenery, fixed: NDArray[np.void], t_s: float, dt_s: float
 ) -> int:
@@ -177,7 +177,7 @@ def advance(
     return running
 
 
-@compiled
+@compiled_inline
 def _drive(robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any, t_s: float, end_s: float) -> None:
     """Move everything while one command is in force for each robot, (n, 2) wheel speeds [m/s]."""
     fastest = fixed.fastest_mover_mps
@@ -197,7 +197,7 @@ def _drive(robots: RobotArray, targets: FloatArray, scenery: Scenery, fixed: Any
         begin = end
 
 
-@compiled
+@compiled_inline
 def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, t_s: float, h: float) -> None:
     """Turn the wheels of a robot for a substep: its arc goes on where their mean speeds are those of before."""
     left, robot.left_mps = _wheel(robot.left_mps, left_target, fixed, h)
@@ -212,7 +212,7 @@ def _begin_arc(robot: Any, left_target: float, right_target: float, fixed: Any, 
     robot.left_mean_mps, robot.right_mean_mps, robot.is_held = left, right, 0
 
 
-@compiled
+@compiled_inline
 def _substep(robots: RobotArray, scenery: Scenery, fixed: Any, t_s: float, end_s: float, fastest_mps: float) -> None:
     """Move everything through one substep, from event to event."""
     discs, polygons, round_movers, outlined_movers = scenery[1], scenery[2], scenery[4], scenery[5]
@@ -263,7 +263,7 @@ def _meet(robot: Any, kind: int, what: int, begin_s: float, t_s: float, fixed: A
     robot.running, robot.end_s = 0, t_s
 
 
-@compiled
+@compiled_inline
 def _pose_all(robots: RobotArray, t_s: float, fixed: Any) -> None:
     """Put every robot that moves where it is at an instant of the substep."""
     for i in range(robots.shape[0]):
@@ -273,7 +273,7 @@ def _pose_all(robots: RobotArray, t_s: float, fixed: Any) -> None:
             robot.heading_rad = wrap_angle(heading)
 
 
-@compiled
+@compiled_inline
 def _first_event(
     robots: RobotArray, scenery: Scenery, fixed: Any, begin: float, end: float, span_s: float, fastest_mps: float
 ) -> tuple[float, int, int, int]:
@@ -305,7 +305,7 @@ def _first_event(
                 when = first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
-        if free.size:
+        if free.shape[0]:
             cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
             low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[1])
             low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[2])
@@ -346,7 +346,7 @@ def _cells(at: float, reach: float, begin: float, side: float, count: int) -> tu
     return max(int(first), 0), min(int(last) + 1, count)
 
 
-@compiled
+@compiled_inline
 def measure_clearance(robots: RobotArray, scenery: Scenery, radius_m: float) -> None:
     """Write every running robot's present clearance."""
     boxes, discs, polygons, free, place = scenery[0], scenery[1], scenery[2], scenery[6], scenery[7]
@@ -363,7 +363,7 @@ def measure_clearance(robots: RobotArray, scenery: Scenery, radius_m: float) -> 
         robot.clearance_m = nearest - radius_m
 
 
-@compiled
+@compiled_inline
 def other_robots(robots: RobotArray, index: int, radius_m: float, discs: FloatArray) -> None:
     """Write all robots but one as discs, (n - 1, 5) x, y, radius, vx, vy [m, m/s]; an ended one stands."""
     for i in range(robots.shape[0]):
@@ -375,7 +375,7 @@ def other_robots(robots: RobotArray, index: int, radius_m: float, discs: FloatAr
             discs[k, 3], discs[k, 4] = v * math.cos(heading), v * math.sin(heading)
 
 
-@compiled
+@compiled_inline
 def _count(robot: Any, dt_s: float, track_m: float) -> None:
     """Add what the robot covers in this time to its sums."""
     left, right = robot.left_mean_mps, robot.right_mean_mps

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled, compiled_for_vectors
+from navbench.compiled import compiled, compiled_for_vectors, compiled_inline
 from navbench.mathematics.geometry import box_gap
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import Scenery
@@ -50,7 +50,7 @@ class PlanarSimulator(Simulator):
         return ranges
 
 
-@compiled
+@compiled_inline
 def read_ring(
     robots: RobotArray,
     index: int,
@@ -82,7 +82,7 @@ def read_ring(
             ranges[sensor] = min(ranges[sensor], max(beams[FREE, k] - rays[k].offset_m, 0.0))
 
 
-@compiled
+@compiled_inline
 def cast(
     robots: RobotArray,
     index: int,
@@ -117,7 +117,7 @@ def cast(
     for k in range(polygons.shape[0]):
         if _is_within(x, y, polygons[k, 0], polygons[k, 1], far + polygons[k, 2]):
             _stop_at_polygon(ax, ay, ux, uy, free, low, high, polygons[k])
-    if grid.size:
+    if grid.shape[0]:
         for k in range(rays.shape[0]):
             free[k] = min(free[k], ray_to_cell(ax[k], ay[k], ux[k], uy[k], rays[k].length_m, grid, place))
     for k in range(robots.shape[0]):

@@ -65,15 +65,14 @@ class Rays:
                 end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
                 rays.append((*begin, *end, back + limit, back, sensor, count == 1, cosine, sine))
         self.table = np.array(rays, RAY)
-        self._readings = [(length_m, offset_m, int(sensor)) for *_, length_m, offset_m, sensor, _, _, _ in rays]
         self._radius_m = radius_m
         self.reach_m = reach - radius_m
         self.exposed_m = exposed - radius_m
 
     def deciding(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
-    ) -> list[list[int]]:
-        """Return, for each robot, the numbers of those rays that may be what their sensors read.
+    ) -> IntArray:
+        """Return the numbers of those rays that may be what their sensors read; see ``split``.
 
         They may hit something, perhaps by a hair, and no other ray of the same sensor surely reads less. Of a robot
         that has ended there are none.
@@ -84,17 +83,22 @@ class Rays:
             discs: (m, 5) as in ``Layout.disc_rows``.
             polygons: (l, ...) as in ``Layout.polygon_rows``.
         """
-        found = _deciding(robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons).tolist()
-        return [found[begin:end] for begin, end in pairwise(found[: len(robots) + 1])]
+        return _deciding(robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons)
 
-    def read(self, rays: list[int], fractions: list[float]) -> list[float]:
-        """Return one robot's readings [m], for the share of each of these rays that is free."""
-        readings: list[float] = self.unobstructed.tolist()
-        for ray, free in zip(rays, fractions, strict=True):
-            if free < 1.0:
-                length_m, offset_m, sensor = self._readings[ray]
-                readings[sensor] = min(readings[sensor], max(free * length_m - offset_m, 0.0))
-        return readings
+    def all_of(self, robots: NDArray[np.void]) -> IntArray:
+        """Return the numbers of all rays of those robots that run, as ``deciding`` does."""
+        count, running = len(self.table), robots["running"]
+        begins = len(robots) + 1 + count * np.concatenate([[0], np.cumsum(running)])
+        return np.concatenate([begins, np.tile(np.arange(count), running.sum())])
+
+    def split(self, deciding: IntArray, robots: int) -> list[list[int]]:
+        """Return the numbers of the deciding rays of each robot."""
+        found = deciding.tolist()
+        return [found[begin:end] for begin, end in pairwise(found[: robots + 1])]
+
+    def read(self, deciding: IntArray, shares: list[float], readings: FloatArray) -> None:
+        """Lower readings, (n_robots, n_sensors) [m], to what the deciding rays hit of which these shares are free."""
+        _read(deciding, self.table, np.array(shares), readings)
 
     def blind_inside_things(
         self,
@@ -129,6 +133,18 @@ def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m
     if square <= 0.0 or along <= 0.0:
         return 0.0  # this line misses the hull behind the mount
     return along - math.sqrt(square)
+
+
+@compiled
+def _read(deciding: IntArray, rays: NDArray[np.void], shares: FloatArray, readings: FloatArray) -> None:
+    """Lower the readings, (n_robots, n_sensors) [m], to what the rays hit."""
+    first = readings.shape[0] + 1
+    for i in range(readings.shape[0]):
+        for k in range(deciding[i], deciding[i + 1]):
+            ray = rays[deciding[k]]
+            if shares[k - first] < 1.0:
+                reading = max(shares[k - first] * ray.length_m - ray.offset_m, 0.0)
+                readings[i, ray.sensor] = min(readings[i, ray.sensor], reading)
 
 
 @compiled

@@ -97,7 +97,7 @@ class Grid:
         return np.column_stack(columns)
 
 
-NO_GRID: tuple[FreeArray, FloatArray] = np.zeros((4, 0, 0, 2), np.uint8), np.array([0.0, 0.0, 1.0])
+NO_GRID: tuple[FreeArray, FloatArray] = np.zeros((0, 0, 0, 2), np.uint8), np.array([0.0, 0.0, 1.0])
 
 
 @lru_cache(maxsize=8)

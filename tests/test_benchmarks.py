@@ -1,0 +1,50 @@
+"""The benchmarks run; how fast anything is, is not tested."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from benchmarks.__main__ import SECTIONS, main
+from benchmarks.harness import Table, shown
+from navbench.mathematics.statistics import Estimate
+
+
+def test_every_section_runs_and_finds_finite_figures(tmp_path: Path) -> None:
+    studies = tmp_path / "studies.csv"
+    studies.write_text("papers,1234.5\n")
+    tables = main(["--quick", "--studies", str(studies)], tmp_path / "README.md")
+    assert len(tables) == len(SECTIONS) + 1
+    for table in tables:
+        assert table.figures(), table.title
+        assert all(map(math.isfinite, table.figures())), table
+    assert not (tmp_path / "README.md").exists(), "a quick run says nothing about speed"
+
+
+def test_a_section_measured_anew_leaves_the_others_in_the_readme(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SECTIONS, "rays", lambda effort: SECTIONS["loop"](effort)._replace(title="Rays"))
+    monkeypatch.setitem(SECTIONS, "loop", lambda effort: sample("Closed loop", float(effort.rounds)))
+    readme = tmp_path / "README.md"
+    main(["loop", "rays", "--rounds", "3"], readme)
+    main(["loop", "--rounds", "4"], readme)
+    text = readme.read_text()
+    assert text.count("## ") == 2
+    assert "| a | 4.00 |" in text.split("## Rays")[0]
+    assert "| a | 3.00 |" in text.split("## Rays")[1]
+
+
+def test_an_unknown_section_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["lop"])
+    assert "section lop: must be one of loop, " in capsys.readouterr().err
+
+
+def test_figures_have_three_digits() -> None:
+    assert [shown(x) for x in (1234567.0, 12.345, 0.012345, 0.0)] == ["1,230,000", "12.3", "0.0123", "0"]
+    assert shown(Estimate(1.0, 0.5, 2.0, 3)) == "1.00 [0.500, 2.00]"
+
+
+def sample(title: str, figure: float) -> Table:
+    return Table(title, "What it is.", ("", "figure"), [("a", figure)])
