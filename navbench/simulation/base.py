@@ -137,7 +137,7 @@ class Simulator(ABC):
             goal_tolerance_m: how near the goal counts as arrived [m].
         """
         count = len(starts)
-        self.scene = scene = Scene(layout)
+        self.scene = scene = Scene(layout, self.robot.radius_m + max(self.rays.reach_m, self.robot.radius_m))
         self.robots = np.zeros(count, ROBOT)
         for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
             self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, 1)
