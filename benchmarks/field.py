@@ -80,9 +80,9 @@ class CompiledRule(CompiledController):
     def __init__(self, turn_radps: float) -> None:
         self._parameters = np.array([turn_radps])
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode."""
-        self.policy = Policy(step=step, parameters=self._parameters)
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy."""
+        return Policy(step=step, parameters=self._parameters)
 
 
 class Field:

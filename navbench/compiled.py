@@ -60,6 +60,16 @@ def compiled_inline(function: Function) -> Function:
     return compiled(function, forceinline=True)
 
 
+def direct(function: Function, *arguments: Any) -> Function:
+    """Return a compiled function for arguments of the types of these, which are not looked up again at each call.
+
+    They must stay the same, and arrays contiguous: nothing checks that.
+    """
+    if not isinstance(function, Dispatcher):
+        return function
+    return cast(Function, function.compile(tuple(map(numba.typeof, arguments))))  # type: ignore[no-untyped-call,unused-ignore]
+
+
 @cache
 def digest_of_sources(beside: str | None = None) -> str:
     """Return the digest of the sources that compiled functions may inline, and of what compiles them.

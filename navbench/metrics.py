@@ -73,7 +73,8 @@ class RobotRun:
     @property
     def durations_s(self) -> FloatArray:
         """(n,) The length of each control period [s]."""
-        return np.diff(self.states[:, 0])
+        times_s = self.states[:, 0]
+        return times_s[1:] - times_s[:-1]
 
 
 MetricFunction = Callable[[RobotRun], float]
@@ -276,7 +277,12 @@ def bearing_errors(poses: FloatArray, goal_x_m: float, goal_y_m: float) -> Float
     return errors
 
 
+@compiled
 def sign_changes(values: FloatArray) -> int:
     """Return how often a series of turning rates changes its sign, those left out that are rounding."""
-    signs = np.sign(values[np.abs(values) > TURNS_RADPS])
-    return int(np.count_nonzero(signs[1:] != signs[:-1]))
+    count, last = 0, 0.0
+    for value in values:
+        if abs(value) > TURNS_RADPS:
+            count += value * last < 0.0
+            last = value
+    return count

@@ -28,8 +28,8 @@ def step(
 
 
 class Counting(CompiledController):
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        self.policy = Policy(step=step, state=np.zeros(1), parameters=np.array([3.0]), trace_names=("count", "sum"))
+    def make_policy(self, setup: Setup) -> Policy:
+        return Policy(step=step, state=np.zeros(1), parameters=np.array([3.0]), trace_names=("count", "sum"))
 
 
 def observation() -> Observation:
@@ -50,6 +50,16 @@ def test_act_is_compiled_once_and_for_the_signature() -> None:
     controller.reset(SETUP, np.random.default_rng(0))
     controller.act(observation())
     assert getattr(step, "signatures", [SIGNATURE.args]) == [SIGNATURE.args]
+
+
+def test_arrays_of_integers_and_with_gaps_are_read_as_what_they_hold() -> None:
+    controller = Counting()
+    controller.policy = Policy(
+        step=step, state=np.array([5]), parameters=np.array([3, 9, 4])[::2], trace_names=("a", "b")
+    )
+    seen = observation()._replace(ranges_m=np.array([8, 0, 9])[::2], discs=np.ones((1, 10))[:, ::2])
+    assert controller.act(seen) == (18.0, 3.0)
+    assert controller.trace == {"a": 6.0, "b": 22.0}
 
 
 @pytest.mark.parametrize("arrays", [(), (np.zeros(0),), (np.array([1.0, math.inf]), 3.0, np.eye(2), np.zeros(0))])

@@ -6,7 +6,6 @@ So the fuzzy law can serve one behaviour only, and a PID can drive at the fuzzy 
 the turning differs. Nothing of this is in the paper; see ``sflc``, ``pid`` and ``equations`` for the parts.
 """
 
-import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import FloatArray, Setup
@@ -60,15 +59,15 @@ class Mixed(Pid, Fuzzy):
             if not set(chosen) <= set(BEHAVIORS):
                 raise ValueError(f"{name}={list(chosen)}: must be a list of any of {', '.join(BEHAVIORS)}")
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode; nothing here is left to chance.
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring.
 
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
         state, parameters = self.behaviors.begin(setup)
         choice = [[name in chosen for name in BEHAVIORS] for chosen in (self.fuzzy_turn_in, self.fuzzy_speed_in)]
-        self.policy = Policy(
+        return Policy(
             step=step,
             state=pack(*state, FRESH),
             parameters=pack(*parameters, self.law(setup.period_s), self.inference.base, choice),

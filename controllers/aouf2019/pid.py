@@ -25,7 +25,6 @@ is wrapped to (-pi, pi], so that an error passing pi is no jump.
 
 import math
 
-import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import FloatArray, Setup
@@ -112,14 +111,14 @@ class Pid(Behaving):
         """Return the law's parameters, in the order of ``pid_turn``, for a control period [s]."""
         return period_s, self.kp, self.ki, self.kd, self.speed_mps, self.turn_limit_radps
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode; nothing here is left to chance.
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring.
 
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
         state, parameters = self.behaviors.begin(setup)
-        self.policy = Policy(
+        return Policy(
             step=step,
             state=pack(*state, FRESH),
             parameters=pack(*parameters, self.law(setup.period_s)),

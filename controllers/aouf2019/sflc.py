@@ -122,14 +122,14 @@ class Fuzzy(Behaving):
 class Sflc(Fuzzy):
     """The S.F.L.C.: two behaviours, one fuzzy controller."""
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode; nothing here is left to chance.
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring.
 
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
         """
         state, parameters = self.behaviors.begin(setup)
-        self.policy = Policy(
+        return Policy(
             step=step, state=pack(*state), parameters=pack(*parameters, self.inference.base), trace_names=TRACE
         )
 

@@ -55,6 +55,6 @@ class GoToGoal(CompiledController):
         """
         self._parameters = np.array([speed_mps, gain_per_s, turn_limit_radps])
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode; nothing here is left to chance."""
-        self.policy = Policy(step=step, parameters=self._parameters, trace_names=("heading_error_rad",))
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy, which is the same for every robot."""
+        return Policy(step=step, parameters=self._parameters, trace_names=("heading_error_rad",))

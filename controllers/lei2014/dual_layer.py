@@ -28,7 +28,7 @@ import numpy as np
 
 from navbench.contract import FloatArray, Setup
 from navbench.fuzzy.describing import Columns, columns, membership_corners
-from navbench.fuzzy.inference import FuzzyInference, fire, infer
+from navbench.fuzzy.inference import FuzzyInference, infer_and_fire, slot_count
 from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import Flag, Positive, checked, describe, remembered
 
@@ -81,9 +81,8 @@ def step(
     add_dangers(dangers, ddcfc, thresholds, pose, speed[0], discs, factors)
     situation[0] = azimuth(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))
     trace[:3], trace[3] = dangers, situation[0]
-    if infer(vfc, situation, trace[8:]) >= 0:
+    if infer_and_fire(vfc, situation, trace[8:], strengths, np.empty(slot_count(vfc))) >= 0:
         return math.nan, math.nan
-    fire(vfc, situation, strengths)
     trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
     return trace[8], -trace[9]  # psi' = -w, see lei2014
 
@@ -128,15 +127,15 @@ class DualLayer(CompiledController):
         self._obstacle_speed_max_mps = obstacle_speed_max_mps
         self._thresholds = (safety_distance_m, checked_sets.front_rad, checked_sets.side_rad, velocity_aware)
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode with no scan remembered; nothing here is left to chance."""
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring, with no scan remembered."""
         mounts, period_s = by_bearing(setup.sensors), setup.period_s
         thresholds = (setup.robot.radius_m, period_s, *self._thresholds)
         reach_m, behaviors = self._obstacle_speed_max_mps * period_s, [BEHAVIORS.index(r.behavior) for r in self.rules]
         room = [np.zeros(size) for size in (2 * len(mounts), 5 * len(mounts), 3, 4, len(behaviors))]
         parameters = pack(mounts, reach_m, thresholds, behaviors, self.ddcfc.base, self.vfc.base)
         state = pack(np.full((len(mounts), 4), np.nan), *room)
-        self.policy = Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
+        return Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
 
     def describe(self) -> dict[str, Columns]:
         """Return named tables for a report.

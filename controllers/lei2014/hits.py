@@ -30,12 +30,11 @@ def displacement(x: float, y: float, outline: FloatArray, reach_m: float) -> tup
         outline: (n, 4) as of ``join``.
         reach_m: how long the way may be [m].
     """
-    best, best_x, best_y = math.inf, 0.0, 0.0
+    best, best_x, best_y, near = math.inf, 0.0, 0.0, reach_m + ROUNDING_M
     for i in range(outline.shape[0]):
         px, py, ux, uy = x - outline[i, 0], y - outline[i, 1], outline[i, 2], outline[i, 3]
         if math.isnan(px):
             break
-        near = min(best, reach_m) + ROUNDING_M
         if px < min(ux, 0.0) - near or px > max(ux, 0.0) + near:
             continue
         if py < min(uy, 0.0) - near or py > max(uy, 0.0) + near:
@@ -43,8 +42,12 @@ def displacement(x: float, y: float, outline: FloatArray, reach_m: float) -> tup
         length2 = ux * ux + uy * uy
         along = 0.0 if length2 == 0.0 else min(max((px * ux + py * uy) / length2, 0.0), 1.0)
         dx, dy = px - along * ux, py - along * uy
-        if math.hypot(dx, dy) < best:
-            best, best_x, best_y = math.hypot(dx, dy), dx, dy
+        if dx * dx + dy * dy > near * near:
+            continue
+        away = math.hypot(dx, dy)
+        if away < best:
+            best, best_x, best_y = away, dx, dy
+            near = min(best, reach_m) + ROUNDING_M
     return (best_x, best_y) if best <= reach_m else (0.0, 0.0)
 
 
@@ -76,11 +79,12 @@ def scan(
             continue
         ahead, left = mounts[i, 0] + range_m * mounts[i, 2], mounts[i, 1] + range_m * mounts[i, 3]
         hit_x, hit_y = x + c * ahead - s * left, y + s * ahead + c * left
-        points[i] = hit_x, hit_y
+        points[i, 0], points[i, 1] = hit_x, hit_y
         if abs(azimuth(psi, math.atan2(hit_y - y, hit_x - x))) > side_rad:
             continue
         dx, dy = displacement(hit_x, hit_y, outline, reach_m)
-        obstacles[count] = hit_x, hit_y, 0.0, dx / period_s, dy / period_s
+        obstacles[count, 0], obstacles[count, 1], obstacles[count, 2] = hit_x, hit_y, 0.0
+        obstacles[count, 3], obstacles[count, 4] = dx / period_s, dy / period_s
         count += 1
     join(points, outline)
     return count
@@ -101,7 +105,8 @@ def join(points: FloatArray, outline: FloatArray) -> None:
             ux, uy = 0.0, 0.0
             if i + 1 < points.shape[0] and not math.isnan(points[i + 1, 0]):
                 ux, uy = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
-            outline[count] = points[i, 0], points[i, 1], ux, uy
+            outline[count, 0], outline[count, 1] = points[i, 0], points[i, 1]
+            outline[count, 2], outline[count, 3] = ux, uy
             count += 1
 
 

@@ -174,8 +174,8 @@ class MultiAgent(CompiledController):
         self._switch, self.blocks = switch_unit(switch), fuzzy_blocks(blocks)
         self._drive = (turn_gain_per_s, bypass_reads_rear)
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode; nothing here is left to chance.
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring.
 
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
@@ -185,7 +185,7 @@ class MultiAgent(CompiledController):
         bases = [block.base for block in self.blocks.by_name().values()]
         parameters = pack(*self._switch, drive, *bases)
         state = np.array([NOBODY, 0.0, 0.0, 0.0, 0.0, 0.0])
-        self.policy = Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
+        return Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)
 
     def describe(self) -> dict[str, Columns]:
         """Return named tables for a report: those of the blocks, the switch unit's 1024 patterns and its 28 rows."""

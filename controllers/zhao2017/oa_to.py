@@ -172,8 +172,8 @@ class OaTo(CompiledController):
         self.oa, self.to = _fuzzy_controllers(oa_memberships, oa_rules, to_memberships, to_rules)
         self._chosen = (astuple(chosen), astuple(special), self.oa.base, self.to.base)
 
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode; nothing here is left to chance.
+    def make_policy(self, setup: Setup) -> Policy:
+        """Return the policy for a robot and its ring.
 
         Raises:
             ValueError: the ring's sensors are not ``sensor_roles``.
@@ -184,7 +184,7 @@ class OaTo(CompiledController):
         angles = [sensor.heading_rad for sensor in setup.sensors]
         of_robot = (setup.period_s, robot.radius_m, robot.wheel_speed_max_mps, robot.track_m)
         parameters = pack(unseen, angles, of_robot, *self._chosen)
-        self.policy = Policy(step=step, state=unseen, parameters=parameters, trace_names=TRACE)
+        return Policy(step=step, state=unseen, parameters=parameters, trace_names=TRACE)
 
     def describe(self) -> dict[str, Columns]:
         """Return named tables for a report: memberships (Figs 3 and 5), rules (Tables 1 and 2)."""

@@ -43,7 +43,7 @@ class _Pilot:
 
     controller: Controller
     perception: Perception
-    rows: list[tuple[float, ...]] = field(default_factory=list)
+    rows: list[float] = field(default_factory=list)
     states: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     traces: list[bytes] = field(default_factory=list)
     trace_names: tuple[str, ...] | None = None
@@ -116,6 +116,7 @@ class EpisodeRunner:
         world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed, self._metrics = make_controller, seed, metrics
+        self._made: tuple[object, dict[int, CompiledController]] = None, {}
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
@@ -173,12 +174,12 @@ class EpisodeRunner:
 
     def _drive(self, pilots: list[_Pilot]) -> None:
         """Run control periods one by one."""
-        states, time_limit_s = self.simulator.states(), self._template.time_limit_s
+        motions, time_limit_s = self.simulator.motions(), self._template.time_limit_s
         for k in range(self._periods):
-            if not self.simulator.running:
+            if not self.simulator.active:
                 break
             t_s = k * self._period_s
-            states = self._period(pilots, states, t_s, min(self._period_s, time_limit_s - t_s))
+            motions = self._period(pilots, motions, t_s, min(self._period_s, time_limit_s - t_s))
         for pilot in pilots:
             pilot.states = np.array(pilot.rows).reshape(-1, 6)
 
@@ -214,7 +215,7 @@ class EpisodeRunner:
                 (rays.table, rays.reach_m, rays.unobstructed), senses, tuple(map(np.array, zip(*drawn, strict=True))),
                 (first, first + count, self._period_s, limit_s), room, kept,
             )  # fmt: skip
-            simulator.running = int(simulator.robots["running"].sum())
+            simulator.active = np.flatnonzero(simulator.robots["running"]).tolist()
             for i, (pilot, policy) in enumerate(zip(pilots, policies, strict=True)):
                 blocks[i].append(kept[0][i, : kept[2][i]])
                 pilot.traces.append(kept[1][i, : kept[2][i]].tobytes())
@@ -256,29 +257,38 @@ class EpisodeRunner:
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
         perception = Perception(self._senses, start, goal, name)
-        rng = stream(self.seed, world.name, episode, "controller", index)
         try:
-            controller = self.make_controller()
-            controller.reset(self._setup, rng)
+            return _Pilot(self._begun(index, name), perception)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
             return _Pilot(_Absent(), perception, outcome="controller_error", failure=failure(error))
-        return _Pilot(controller, perception)
 
-    def _period(self, pilots: list[_Pilot], before: list[RobotState], t_s: float, dt_s: float) -> list[RobotState]:
-        """Let every running robot observe and act, then move all; keep what they did and return their new states."""
+    def _begun(self, index: int, name: tuple[int, str, int, int]) -> Controller:
+        """Return a robot's controller at the beginning of an episode."""
+        maker, controllers = self._made
+        if maker is not self.make_controller:
+            self._made = maker, controllers = self.make_controller, {}
+        if index in controllers:
+            controllers[index].begin(self._setup)
+            return controllers[index]
+        controller = self.make_controller()
+        seed, world, episode, _ = name
+        controller.reset(self._setup, stream(seed, world, episode, "controller", index))
+        if isinstance(controller, CompiledController) and type(controller).reset is CompiledController.reset:
+            controllers[index] = controller  # nothing of an episode is left in it but its policy, which is made anew
+        return controller
+
+    def _period(self, pilots: list[_Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
+        """Let every running robot observe and act, then move all; keep what they did and return their new motions."""
         simulator = self.simulator
-        active = [i for i, robot in enumerate(before) if robot.running]
-        ranges = simulator.ranges()
+        active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.robots["touches"].tolist()
         for i in active:
-            self._act(pilots[i], i, t_s, before[i], ranges[i])
-        events = simulator.advance(t_s, dt_s) if simulator.running else []
-        ends = {event.robot_index: event for event in events}
-        after = simulator.states()
+            self._act(pilots[i], i, t_s, before[i], ranges[i], bool(touches[i]))
+        ends = {event.robot_index: event for event in simulator.advance(t_s, dt_s)} if simulator.active else {}
+        after = simulator.motions()
         for i in active:
-            pilot, robot = pilots[i], before[i]
-            x, y, heading = robot.x_m, robot.y_m, robot.heading_rad
+            pilot, (x, y, heading, *_) = pilots[i], before[i]
             if pilot.outcome == "controller_error":
-                pilot.rows.append((t_s, x, y, heading, 0.0, 0.0))
+                pilot.rows += t_s, x, y, heading, 0.0, 0.0
                 pilot.end_s = t_s
                 continue
             pilot.end_s = t_s + dt_s
@@ -286,22 +296,22 @@ class EpisodeRunner:
             if i in ends:
                 _, pilot.outcome, pilot.hit, pilot.end_s = ends[i]
                 duration = max(pilot.end_s - t_s, 1e-12)
-            left, right = after[i].left_travel_m, after[i].right_travel_m
+            *_, left, right = after[i]
             v, w = 0.5 * (left + right) / duration, (right - left) / self._robot.track_m / duration
-            pilot.rows.append((t_s, x, y, heading, v, w))
+            pilot.rows += t_s, x, y, heading, v, w
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
         return after
 
-    def _act(self, pilot: _Pilot, index: int, t_s: float, robot: RobotState, ranges_m: FloatArray) -> None:
+    def _act(
+        self, pilot: _Pilot, index: int, t_s: float, motion: list[float], ranges_m: FloatArray, touching: bool
+    ) -> None:
         """Let one robot observe and act; what it does wrong ends it with a reason."""
         simulator = self.simulator
-        left, right = robot.left_mps, robot.right_mps
+        x, y, heading, left, right, *_ = motion
         speed = (0.5 * (left + right), (right - left) / self._robot.track_m)
         discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
-        observation = pilot.perception.observe(
-            t_s, Pose(robot.x_m, robot.y_m, robot.heading_rad), speed, ranges_m, bool(robot.touches), discs
-        )
+        observation = pilot.perception.observe(t_s, Pose(x, y, heading), speed, ranges_m, touching, discs)
         try:
             begin = time.perf_counter()
             command = pilot.controller.act(observation)
@@ -327,7 +337,6 @@ class EpisodeRunner:
         if pilot.outcome == "controller_error":
             states = states[:-1] if len(pilot.states) else states
             traces = traces[: len(states)]
-        contacts = self.simulator.contacts[index]
         run = RobotRun(
             robot_index=index,
             outcome=pilot.outcome,
@@ -335,9 +344,9 @@ class EpisodeRunner:
             path_length_m=robot.path_length_m,
             turning_rad=robot.turning_rad,
             min_clearance_m=robot.min_clearance_m,
-            collisions=contacts.total,
-            robot_collisions=contacts.with_robots,
-            standing_collisions=contacts.standing,
+            collisions=robot.contacts,
+            robot_collisions=robot.robot_contacts,
+            standing_collisions=robot.standing_contacts,
             states=states,
             traces=traces,
             trace_names=names,
@@ -368,7 +377,7 @@ def _measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[st
     for function, metric in zip(metrics, declared(metrics), strict=True):
         try:
             value = function(run)
-            if not isinstance(value, Real):
+            if not isinstance(value, int | float | Real):
                 raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
             values[metric.name] = value if type(value) is int else float(value)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more

@@ -1,12 +1,14 @@
 """Perception: what one robot knows at one instant, with the errors of its sensors, in its controller's units."""
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled, compiled_inline
+from navbench.compiled import compiled, compiled_inline, direct
 from navbench.contract import Observation, Pose
 from navbench.episode.similarity import Similarity
 from navbench.mathematics.geometry import wrap_angle
@@ -48,6 +50,9 @@ class Errors(NamedTuple):
     ranges: FloatArray
     dropouts: FloatArray
     places: FloatArray
+
+
+_NO_ERRORS = Errors(np.empty((1, 0)), np.empty((1, 0)), np.empty((1, 0, 2)))
 
 
 class Senses(NamedTuple):
@@ -163,12 +168,14 @@ class Perception:
         senses = self._senses
         if senses.is_exact and discs is None:
             return Observation(t_s, true_pose, self.goal, *true_speed, ranges_m, touching, _NO_DISCS)
-        errors = self.draw(1, 0 if discs is None else len(discs))
+        errors = self.draw(1, 0 if discs is None else len(discs)) if senses.errs else _NO_ERRORS
         if not self.drifts:
             self.believed[:] = *true_pose, *true_speed
-        read(ranges_m, errors.ranges[0], errors.dropouts[0], senses.least, senses.most, senses.constants)
-        discs = _NO_DISCS if discs is None else discs.copy()
-        seen = track(discs, errors.places[0], *true_pose, self.believed, senses.constants)
+        _direct_read()(ranges_m, errors.ranges[0], errors.dropouts[0], senses.least, senses.most, senses.constants)
+        around = _NO_DISCS
+        if discs is not None:
+            around = discs.copy()
+            around = around[: track(around, errors.places[0], *true_pose, self.believed, senses.constants)]
         x, y, heading, v, w = self.believed.tolist()
         length, time = self._length, self._time
         return Observation(
@@ -179,7 +186,7 @@ class Perception:
             w * time,
             ranges_m,
             touching,
-            discs[:seen],
+            around,
         )
 
 
@@ -227,6 +234,12 @@ def read(
         if chances.shape[0] and chances[i] < sensing[0].dropout_probability:
             reading = most[i]
         ranges[i] = max(min(reading, most[i]), least[i]) / sensing[0].length
+
+
+@cache
+def _direct_read() -> Callable[..., None]:
+    none, one = np.zeros(0), np.zeros(1)
+    return direct(read, one, none, none, one, one, np.zeros(1, SENSING))
 
 
 @compiled_inline

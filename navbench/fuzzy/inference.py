@@ -20,7 +20,18 @@ from navbench.fuzzy.centroid import NEGLIGIBLE, centroid, divided
 from navbench.fuzzy.variables import Rules, Table, Term, Variable, number_rules, rules_from_table
 from navbench.policy import pack
 
-__all__ = ["FuzzyInference", "Table", "Term", "Variable", "fire", "infer", "memberships", "rules_from_table"]
+__all__ = [
+    "FuzzyInference",
+    "Table",
+    "Term",
+    "Variable",
+    "fire",
+    "infer",
+    "infer_and_fire",
+    "memberships",
+    "rules_from_table",
+    "slot_count",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -123,6 +134,18 @@ def _weighted_mean(base: FloatArray, peaks: int, slots: FloatArray) -> float:
 
 
 @compiled
+def rule_count(base: FloatArray) -> int:
+    """Return how many rules there are."""
+    return int(base[SKIPS] - base[PREMISES]) // (int(base[STARTS + 1] - base[STARTS]) - 1)
+
+
+@compiled
+def slot_count(base: FloatArray) -> int:
+    """Return how much room an inference needs, beside that for the rules' strengths."""
+    return int(base[PEAKS + 1] - base[PEAKS]) + 1
+
+
+@compiled
 def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
     """Write how strongly each rule fires for the crisp inputs, callable from compiled code.
 
@@ -134,7 +157,7 @@ def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
     Returns:
         The number of the first unusable input, else -1.
     """
-    return _fire(base, values, np.empty(int(base[PEAKS + 1] - base[PEAKS]) + 1), strengths)
+    return _fire(base, values, np.empty(slot_count(base)), strengths)
 
 
 @compiled
@@ -149,9 +172,26 @@ def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
     Returns:
         The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
     """
-    n_outputs, n_terms = int(base[OUTPUTS + 1] - base[OUTPUTS]) // 5, int(base[PEAKS + 1] - base[PEAKS])
-    slots, strengths = np.empty(n_terms + 1), np.empty(int(base[CONCLUSIONS + 1] - base[CONCLUSIONS]) // n_outputs)
-    unusable = _fire(base, values, slots, strengths)
+    return infer_and_fire(base, values, out, np.empty(rule_count(base)), np.empty(slot_count(base)))
+
+
+@compiled
+def infer_and_fire(
+    base: FloatArray, values: FloatArray, out: FloatArray, strengths: FloatArray, slots: FloatArray
+) -> int:
+    """Do what ``infer`` does, and write how strongly each rule fires.
+
+    Args:
+        base: as for ``infer``.
+        values: as for ``infer``.
+        out: as for ``infer``.
+        strengths: (n_rules,) is written, unless an input is unusable.
+        slots: (``slot_count``,) room.
+
+    Returns:
+        As ``infer``.
+    """
+    unusable, n_outputs = _fire(base, values, slots, strengths), int(base[OUTPUTS + 1] - base[OUTPUTS]) // 5
     if unusable >= 0:
         out[:] = math.nan
         return unusable

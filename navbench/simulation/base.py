@@ -6,12 +6,14 @@ An engine adds only what a robot's rays hit: ``build``, ``place`` and ``cast`` o
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.compiled import direct
 from navbench.contract import Pose
 from navbench.records import Thing
 from navbench.robot import Robot
@@ -41,6 +43,7 @@ _BEGUN = (
     *("x_m", "y_m", "heading_rad", "arc_x_m", "arc_y_m", "arc_heading_rad"),
     *("goal_x_m", "goal_y_m", "running"),
 )
+_MOTION = RobotState._fields.index("clearance_m")  # so many of a robot's numbers say how it moves: see ``motions``
 
 
 class Simulator(ABC):
@@ -63,7 +66,7 @@ class Simulator(ABC):
         scene: what the layout holds, where it is now.
         robots: (n_robots,) of ``ROBOT``, as they are now.
         rays: the ring's rays in the robot's frame.
-        running: how many robots have no outcome yet.
+        active: the numbers of those robots that have no outcome yet.
         fixed: (1,) of ``FIXED``, what does not change in the episode.
         pipeline: the commands on their way to the wheels: issued (n, 2) and in force (n, 2) for each left and right
             wheel [m/s]; of those in flight when each arrives (k,) [s] and it (k, n, 2); and how many these are (1,).
@@ -75,7 +78,7 @@ class Simulator(ABC):
     is_compiled: ClassVar[bool] = False
 
     scene: Scene
-    running: int
+    active: list[int]
     pipeline: Pipeline
 
     def __init__(self, options: SimulatorOptions, robot: Robot, sensors: Sensors, accel_max_mps2: float | None) -> None:
@@ -95,6 +98,7 @@ class Simulator(ABC):
             self.fixed[name] = value
         self.rays = Rays(sensors, robot.radius_m)
         self.robots = np.zeros(0, ROBOT)
+        self._layout: Layout | None = None
 
     def __enter__(self) -> Self:
         """Return the simulator itself."""
@@ -137,24 +141,39 @@ class Simulator(ABC):
             goal_tolerance_m: how near the goal counts as arrived [m].
         """
         count = len(starts)
-        self.scene = scene = Scene(layout, self.robot.radius_m + max(self.rays.reach_m, self.robot.radius_m))
-        self.robots = np.zeros(count, ROBOT)
-        for i, (start, goal) in enumerate(zip(starts, layout.goals, strict=True)):
-            self.robots[list(_BEGUN)][i] = (*start, *start, goal.x_m, goal.y_m, 1)
+        if layout is not self._layout or self.scene.fastest_mps > 0.0:
+            reach_m = self.robot.radius_m + max(self.rays.reach_m, self.robot.radius_m)
+            self._layout, self.scene = layout, Scene(layout, reach_m)
+        scene, self.robots = self.scene, np.zeros(count, ROBOT)
+        begun = [(*start, *start, goal.x_m, goal.y_m, 1) for start, goal in zip(starts, layout.goals, strict=True)]
+        for name, column in zip(_BEGUN, zip(*begun, strict=True), strict=True):
+            self.robots[name] = column
+        self._motions = self.robots.view(np.float64).reshape(count, -1)[:, :_MOTION]
         self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
         self.pipeline = (
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
         )  # fmt: skip
+        self._reserved_s = math.inf
         self._unobstructed = np.tile(self.rays.unobstructed, (count, 1))
-        self.running = count
+        self.active = list(range(count))
         self.build()
         self._is_placed = False
         measure_clearance(self.robots, scene.arrays, self.robot.radius_m)
         self.robots["min_clearance_m"] = self.robots["clearance_m"]
 
+    @property
+    def running(self) -> int:
+        """How many robots have no outcome yet."""
+        return len(self.active)
+
     def states(self) -> list[RobotState]:
         """Return what is known of each robot now."""
         return list(map(RobotState._make, self.robots.tolist()))
+
+    def motions(self) -> list[list[float]]:
+        """Return of each robot's ``RobotState`` what comes before the clearance: pose, speeds and travel."""
+        motions: list[list[float]] = self._motions.tolist()
+        return motions
 
     def tracked_discs(self, index: int) -> FloatArray:
         """Return discs, movers, circles around polygons and the other robots: (n, 5) x, y, radius, vx, vy [m, m/s]."""
@@ -171,8 +190,7 @@ class Simulator(ABC):
     @property
     def touching(self) -> list[bool]:
         """Whether each robot touches something that it hit."""
-        touches: list[bool] = self.robots["touches"].astype(bool).tolist()
-        return touches
+        return list(map(bool, self.robots["touches"].tolist()))
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
@@ -180,26 +198,25 @@ class Simulator(ABC):
         Where nothing is, and of robots that have ended, it is the largest range. The engine is asked only for the rays
         that may be what their sensors read.
         """
-        rays, scene = self.rays, self.scene
-        clearances_m = self.robots["clearance_m"].tolist()
+        rays, scene, robots = self.rays, self.scene, self.robots
+        clearances_m, ranges = robots["clearance_m"].tolist(), self._unobstructed.copy()
         least_m = min(clearances_m)
-        ranges = self._unobstructed.copy()
         if least_m > rays.reach_m:
             return ranges
-        has_grid = len(scene.grid[0]) > 0
-        deciding = (
-            rays.all_of(self.robots)
-            if has_grid
-            else rays.deciding(self.robots, scene.boxes, scene.discs, scene.polygons)
-        )
-        asked = rays.split(deciding, len(self.robots))
-        if not any(asked):
+        if len(scene.grid[0]):
+            deciding = rays.all_of(robots)
+        else:
+            deciding = rays.deciding(robots, scene.boxes, scene.discs, scene.polygons)
+        shares: list[float] = []
+        for i, own in enumerate(rays.split(deciding, len(robots))):
+            if own:
+                if not self._is_placed:
+                    self._place()
+                shares += self.cast(i, own)
+        if not shares:
             return ranges
-        if not self._is_placed:
-            self._place()
-        shares = [share for i, own in enumerate(asked) if own for share in self.cast(i, own)]
         rays.read(deciding, shares, ranges)
-        if least_m <= max(rays.exposed_m, 0.0):
+        if least_m <= rays.exposed_m:
             self._blind_inside_things(ranges, clearances_m)
         return ranges
 
@@ -209,18 +226,19 @@ class Simulator(ABC):
         Raises:
             ValueError: the wheels' speeds are not finite.
         """
-        if not set_command(self.pipeline[0], index, v_mps, w_radps, self.fixed):
+        if not self._command(self.pipeline[0], index, v_mps, w_radps, self.fixed):
             raise ValueError(f"the wheels' speeds must be finite, got v_mps={v_mps}, w_radps={w_radps} in the world")
 
     def reserve(self, period_s: float) -> None:
         """Make room for the commands that may be in flight at once with a control period [s]."""
+        if period_s >= self._reserved_s:
+            return
+        self._reserved_s = period_s
         issued, in_force, flight_s, flight, flying = self.pipeline
-        places = math.ceil(self._delay_s / period_s) + 2
-        if len(flight_s) < places:
-            more = places - len(flight_s)
-            flight_s = np.concatenate([flight_s, np.zeros(more)])
-            flight = np.concatenate([flight, np.zeros((more, *issued.shape))])
-            self.pipeline = issued, in_force, flight_s, flight, flying
+        more = max(math.ceil(self._delay_s / period_s) + 2 - len(flight_s), 0)
+        flight_s = np.concatenate([flight_s, np.zeros(more)])
+        flight = np.concatenate([flight, np.zeros((more, *issued.shape))])
+        self.pipeline = issued, in_force, flight_s, flight, flying
 
     def advance(self, t_s: float, dt_s: float) -> list[Event]:
         """Move everything through one control period and return the ends that came in it, in order of time.
@@ -230,18 +248,16 @@ class Simulator(ABC):
             dt_s: its length [s].
         """
         self.reserve(dt_s)
-        before, running = self.robots["running"].copy(), self.running
-        self.running = advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
+        running = self._advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
         self._is_placed = False
         if self.options.gui:
             self._place()
             self.show(dt_s)
-        return self._events(before) if self.running < running else []
-
-    def _events(self, before: NDArray[np.int64]) -> list[Event]:
-        """Return the ends of those robots that ran before, (n,), and do no more, in order of time."""
-        ended = np.flatnonzero(before > self.robots["running"]).tolist()
-        return sorted((self.end(i) for i in ended), key=lambda event: (event.t_s, event.robot_index))
+        if running == len(self.active):
+            return []
+        before, self.active = self.active, np.flatnonzero(self.robots["running"]).tolist()
+        ended = set(before).difference(self.active)
+        return sorted(map(self.end, ended), key=lambda event: (event.t_s, event.robot_index))
 
     def end(self, index: int) -> Event:
         """Return how one robot ended."""
@@ -253,9 +269,17 @@ class Simulator(ABC):
     def stop(self, index: int) -> None:
         """Take one robot out of the episode: it stays where it is, as an obstacle."""
         self.robots[index]["running"], self.robots[index]["outcome"] = 0, STOPPED
-        self.running -= 1
+        self.active.remove(index)
 
     # --- how it is done ---
+
+    @cached_property
+    def _command(self) -> Callable[..., bool]:
+        return direct(set_command, self.pipeline[0], 0, 0.0, 0.0, self.fixed)
+
+    @cached_property
+    def _advance(self) -> Callable[..., int]:
+        return direct(advance, self.robots, self.pipeline, self.scene.arrays, self.fixed, 0.0, 0.0)
 
     def _thing(self, kind: int, row: int) -> Thing:
         """Return what has this row among the scene's things of a kind."""
@@ -282,7 +306,7 @@ class Simulator(ABC):
         scene = self.scene
         for i, clearance_m in enumerate(clearances_m):
             robot = self.robots[i]
-            if clearance_m <= max(self.rays.exposed_m, 0.0) and robot["running"]:
+            if clearance_m <= self.rays.exposed_m and robot["running"]:
                 others = np.empty((len(self.robots) - 1, 5))
                 other_robots(self.robots, i, self.robot.radius_m, others)
                 discs = np.concatenate([scene.discs, others])

@@ -18,7 +18,6 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled
 from navbench.records import Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -57,7 +56,6 @@ FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 BATCH_MAX = 8192  # rays; of 16384 at once PyBullet silently returns nothing
-_FRACTION = itemgetter(2)  # of a hit: what share of its ray is free
 _BODIES = itemgetter(1, 2, 8)  # of a contact point: the two bodies and how far they are apart
 SEEN, UNSEEN = (1, -1), (1, 0)  # what group of bodies one is in, and which groups it meets: rays are in the first
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
@@ -134,16 +132,16 @@ class BulletSimulator(Simulator):
             else self._add_round(Thing("mover", i), row[0], row[1], row[2], 0.0, ORANGE)
             for i, row in zip(scene.mover_order(), moving, strict=True)
         ]
-        self._poses = np.empty((len(self.bodies), 4))
 
     def place(self) -> None:
         """Write the present poses into PyBullet."""
-        scaled_poses(self.robots, self.scale, self._poses)
-        pose, client = pybullet.resetBasePositionAndOrientation, self.client
-        for body, (x, y, sine, cosine) in zip(self.bodies, self._poses.tolist(), strict=True):
-            pose(body, (x, y, 0.0), (0.0, 0.0, sine, cosine), physicsClientId=client)
+        pose, scale, client = pybullet.resetBasePositionAndOrientation, self.scale, self.client
+        for body, (x_m, y_m, heading_rad, *_) in zip(self.bodies, self.motions(), strict=True):
+            half = 0.5 * heading_rad
+            turn = 0.0, 0.0, math.sin(half), math.cos(half)
+            pose(body, (x_m * scale, y_m * scale, 0.0), turn, physicsClientId=client)
         if self._movers:
-            places = self.scene.mover_places() * self.scale
+            places = self.scene.mover_places() * scale
             for body, (x, y) in zip(self._movers, places.tolist(), strict=True):
                 pose(body, (x, y, 0.0), (0.0, 0.0, 0.0, 1.0), physicsClientId=client)
 
@@ -155,14 +153,14 @@ class BulletSimulator(Simulator):
         if self.rays.cross_hull:
             pybullet.setCollisionFilterGroupMask(own, -1, *UNSEEN, physicsClientId=self.client)
         hits = pybullet.rayTestBatch(
-            list(map(self.begins.__getitem__, rays)),
-            list(map(self.ends.__getitem__, rays)),
+            [self.begins[k] for k in rays],
+            [self.ends[k] for k in rays],
             parentObjectUniqueId=own,
             physicsClientId=self.client,
         )
         if self.rays.cross_hull:
             pybullet.setCollisionFilterGroupMask(own, -1, *SEEN, physicsClientId=self.client)
-        return list(map(_FRACTION, hits))
+        return [free for _, _, free, _, _ in hits]
 
     def touches(self) -> list[tuple[Thing, Thing]]:
         """Return the pairs of things that PyBullet finds in touch now; the exact instants do not ask it."""
@@ -239,15 +237,6 @@ class BulletSimulator(Simulator):
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=client)
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_SHADOWS, 0, physicsClientId=client)
         pybullet.resetDebugVisualizerCamera(size, 0.0, -89.9, centre, physicsClientId=client)
-
-
-@compiled
-def scaled_poses(robots: NDArray[np.void], scale: float, poses: FloatArray) -> None:
-    """Write each robot's x, y in simulation units and the sine and cosine of half its heading."""
-    for i in range(robots.shape[0]):
-        half = 0.5 * robots[i].heading_rad
-        poses[i, 0], poses[i, 1] = robots[i].x_m * scale, robots[i].y_m * scale
-        poses[i, 2], poses[i, 3] = math.sin(half), math.cos(half)
 
 
 def prism(polygon: FloatArray, half_height_m: float) -> tuple[list[tuple[float, float, float]], list[int]]:

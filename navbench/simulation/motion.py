@@ -154,24 +154,22 @@ def advance(
     issued, in_force, flight_s, flight, flying = pipeline
     for i in range(robots.shape[0]):
         robots[i].left_travel_m, robots[i].right_travel_m = 0.0, 0.0
-    if fixed[0].delay_s == 0.0:
-        in_force[:] = issued
-        _drive(robots, in_force, scenery, fixed[0], t_s, t_s + dt_s)
-    else:
-        flight_s[flying[0]] = t_s + fixed[0].delay_s
-        flight[flying[0]] = issued
-        flying[0] += 1
-        begin, landed = t_s, 0
-        while landed < flying[0] and flight_s[landed] < t_s + dt_s - 1e-12:
-            if flight_s[landed] > begin:
-                _drive(robots, in_force, scenery, fixed[0], begin, flight_s[landed])
-                begin = flight_s[landed]
+    flight_s[flying[0]] = t_s + fixed[0].delay_s
+    flight[flying[0]] = issued
+    flying[0] += 1
+    begin, landed = t_s, 0
+    while begin < t_s + dt_s:
+        end = t_s + dt_s
+        while landed < flying[0] and flight_s[landed] <= begin:
             in_force[:] = flight[landed]
             landed += 1
-        _drive(robots, in_force, scenery, fixed[0], begin, t_s + dt_s)
-        flying[0] -= landed
-        for k in range(flying[0]):
-            flight_s[k], flight[k] = flight_s[k + landed], flight[k + landed]
+        if landed < flying[0] and flight_s[landed] < end - 1e-12:
+            end = flight_s[landed]
+        _drive(robots, in_force, scenery, fixed[0], begin, end)
+        begin = end
+    flying[0] -= landed
+    for k in range(flying[0]):
+        flight_s[k], flight[k] = flight_s[k + landed], flight[k + landed]
     running = 0
     for i in range(robots.shape[0]):
         running += robots[i].running

@@ -1,12 +1,13 @@
 """The ring's rays: where they begin and end on the robot, and how hits become readings."""
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import compiled
+from navbench.compiled import compiled, direct
 from navbench.mathematics.geometry import box_gap, distance_to_nearest
 from navbench.sensors import Sensors
 from navbench.world.grid import FreeArray, nearest_cell
@@ -41,7 +42,8 @@ class Rays:
         table: (n_rays,) of ``RAY``.
         unobstructed: what each sensor reads where nothing is seen [m].
         reach_m: what is further from the hull is hit by no ray [m].
-        exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull [m].
+        exposed_m: what is further from the hull can hold no mount of a ray that does not begin in the hull, at least 0
+            [m].
         cross_hull: whether a ray comes from outside the hull and through it, or nearly; no ray sees its own robot.
     """
 
@@ -66,8 +68,11 @@ class Rays:
                 rays.append((*begin, *end, back + limit, back, sensor, count == 1, cosine, sine))
         self.table = np.array(rays, RAY)
         self._radius_m = radius_m
+        self._room = np.empty(0, np.int64)
+        self._find: Callable[..., int] | None = None
+        self._lower: Callable[..., None] | None = None
         self.reach_m = reach - radius_m
-        self.exposed_m = exposed - radius_m
+        self.exposed_m = max(exposed - radius_m, 0.0)
 
     def deciding(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
@@ -83,7 +88,13 @@ class Rays:
             discs: (m, 5) as in ``Layout.disc_rows``.
             polygons: (l, ...) as in ``Layout.polygon_rows``.
         """
-        return _deciding(robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons)
+        places = len(robots) * (1 + len(self.table)) + 1
+        if len(self._room) != places:
+            self._room = np.empty(places, np.int64)
+        given = robots, self._radius_m, self.reach_m, self.table, boxes, discs, polygons, self._room
+        self._find = self._find or direct(_deciding, *given)
+        end: int = self._find(*given)
+        return self._room[:end]
 
     def all_of(self, robots: NDArray[np.void]) -> IntArray:
         """Return the numbers of all rays of those robots that run, as ``deciding`` does."""
@@ -98,7 +109,9 @@ class Rays:
 
     def read(self, deciding: IntArray, shares: list[float], readings: FloatArray) -> None:
         """Lower readings, (n_robots, n_sensors) [m], to what the deciding rays hit of which these shares are free."""
-        _read(deciding, self.table, np.array(shares), readings)
+        given = deciding, self.table, np.array(shares), readings
+        self._lower = self._lower or direct(_read, *given)
+        self._lower(*given)
 
     def blind_inside_things(
         self,
@@ -156,15 +169,15 @@ def _deciding(
     boxes: FloatArray,
     discs: FloatArray,
     polygons: FloatArray,
-) -> IntArray:
-    """Return where in this array each robot's numbers begin and where the last one's end, n + 1 places; then these."""
+    asked: IntArray,
+) -> int:
+    """Write where each robot's numbers begin and where the last one's end, n + 1 places, then these; return the end."""
     hair = HAIR_RADII * radius_m
-    asked = np.empty(robots.shape[0] * (1 + rays.shape[0]) + 1, np.int64)
     least = np.empty(rays.shape[0])  # what each ray may read at least
     most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number; no more sensors than rays
     near_boxes = np.empty(boxes.shape[0], np.int64)
     near_circles = np.empty((discs.shape[0] + polygons.shape[0] + robots.shape[0], 4))
-    count = robots.shape[0] + 1
+    count: int = robots.shape[0] + 1
     for index in range(robots.shape[0]):
         asked[index] = count
         if not robots[index].running or robots[index].clearance_m > reach_m:
@@ -197,7 +210,7 @@ def _deciding(
                 asked[count] = k
                 count += 1
     asked[robots.shape[0]] = count
-    return asked[:count]
+    return count
 
 
 @compiled
