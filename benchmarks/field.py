@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
+from itertools import count, islice
 
 import numpy as np
 
@@ -91,6 +92,7 @@ class Field:
     Args:
         robots: how many.
         discs: how many, evenly spread in the middle.
+        per_m2: with how many of them on a square metre, however far that goes; none keeps them within the ring.
 
     Attributes:
         radius_m: of the ring.
@@ -99,19 +101,21 @@ class Field:
         turn_radps: with which the ring is followed.
     """
 
-    def __init__(self, robots: int, discs: int) -> None:
+    def __init__(self, robots: int, discs: int, per_m2: float | None = None) -> None:
         self.radius_m = max(4.0, 0.5 * robots / math.tau)
         turns = [math.tau * i / robots for i in range(robots)]
         ring = [(self.radius_m * math.cos(a), self.radius_m * math.sin(a)) for a in turns]
         self.starts = [(x, y, a + 0.5 * math.pi) for (x, y), a in zip(ring, turns, strict=True)]
-        apart_m = (self.radius_m - 1.0) / math.sqrt(discs)
-        spiral = [(apart_m * math.sqrt(i + 0.5), i * math.pi * (3.0 - math.sqrt(5.0))) for i in range(discs)]
-        self.discs = [(r * math.cos(a), r * math.sin(a), min(0.25, 0.5 * apart_m)) for r, a in spiral]
+        apart_m = (self.radius_m - 1.0) / math.sqrt(discs) if per_m2 is None else 1.0 / math.sqrt(math.pi * per_m2)
+        spiral = ((apart_m * math.sqrt(i + 0.5), i * math.pi * (3.0 - math.sqrt(5.0))) for i in count())
+        free = ((r, a) for r, a in spiral if abs(r - self.radius_m) > 0.9)  # the ring, with its robots
+        radius_m = min(0.25, 0.5 * apart_m)
+        self.discs = [(r * math.cos(a), r * math.sin(a), radius_m) for r, a in islice(free, discs)]
         self.turn_radps = SPEED_MPS / self.radius_m
 
     def world(self, steps: int) -> World:
         """Return the world, with episodes of so many control periods."""
-        side = self.radius_m + 2.0
+        side = max(self.radius_m, *(math.hypot(x, y) for x, y, _ in self.discs)) + 2.0
         layout = Layout(
             bounds=Bounds(x_min_m=-side, x_max_m=side, y_min_m=-side, y_max_m=side),
             discs=tuple(Disc(*disc) for disc in self.discs),

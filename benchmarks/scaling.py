@@ -15,7 +15,12 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import run_plan
 
-SIZES = {"robots": (1, 3, 10, 30, 100), "discs": (10, 100, 1000, 10000), "episodes": (10, 100, 1000, 10000)}
+SIZES = {
+    "robots": (1, 3, 10, 30, 100),
+    "discs, all within the ring": (10, 100, 1000, 10000),
+    "discs, one a m²": (10, 100, 1000, 10000),
+    "episodes": (10, 100, 1000, 10000),
+}
 
 
 def runs(runner: EpisodeRunner, episodes: int = 1) -> Side:
@@ -33,7 +38,7 @@ def of_kind(kind: str, simulator: str, effort: Effort, on: ExitStack) -> dict[st
     """Return what to time for each size."""
     sides = {}
     for size in SIZES[kind][: 2 if effort.is_quick else None]:
-        field = Field(size if kind == "robots" else 1, size if kind == "discs" else 10)
+        field = Field(size if kind == "robots" else 1, size if "discs" in kind else 10, 1.0 if "m²" in kind else None)
         runner = field.runner(simulator, steps=5 if kind == "episodes" else effort.cut(200), on=on)
         sides[str(size)] = runs(runner, size if kind == "episodes" else 1)
     return sides

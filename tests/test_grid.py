@@ -90,6 +90,16 @@ def test_without_an_occupied_cell_nothing_is_met() -> None:
     assert ray_to_cell(20.0, 15.0, 1.0, 0.0, 1000.0, free, place) == math.inf
 
 
+def test_a_cell_is_met_over_more_free_cells_than_a_rectangle_counts() -> None:
+    occupied = np.zeros((300, 900))
+    occupied[150, 20] = occupied[150, 820] = 1
+    free, place = Grid.of(occupied, 1.0).arrays()
+    for ux, uy, far in ((1.0, -0.0, 399.5), (-1.0, 0.0, 399.5), (0.0, 1.0, math.inf), (-0.0, -1.0, math.inf)):
+        assert ray_to_cell(420.5, 150.5, ux, uy, 1000.0, free, place) == far
+    assert ray_to_cell(420.5, 150.5, 1.0, 0.0, 399.0, free, place) == math.inf
+    assert nearest_cell(420.5, 150.5, free, place) == 399.5
+
+
 def outcome(world: DrawnWorld, simulator: type[Simulator]) -> tuple[str, Thing | None, float, float]:
     robot = a_robot()
     template = World(name="scene", source=world, goal_tolerance_m=0.1, time_limit_s=30.0)

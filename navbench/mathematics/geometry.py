@@ -1,6 +1,7 @@
 """Angles, distances and the round robot's clearance in the plane, as small compiled functions."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,13 +86,31 @@ def distance_to_nearest(x_m: float, y_m: float, boxes: FloatArray, discs: FloatA
         discs: (n, 3 or more) centre x, centre y, radius [m].
         polygons: (n, 5 + 2 c) as in ``polygon_gap``.
     """
+    nearest: float = distance_to_nearest_of(
+        x_m, y_m, boxes, discs, polygons, range(boxes.shape[0]), range(discs.shape[0]), range(polygons.shape[0])
+    )
+    return nearest
+
+
+@compiled
+def distance_to_nearest_of(
+    x_m: float,
+    y_m: float,
+    boxes: FloatArray,
+    discs: FloatArray,
+    polygons: FloatArray,
+    near_boxes: Iterable[int],
+    near_discs: Iterable[int],
+    near_polygons: Iterable[int],
+) -> float:
+    """Return what ``distance_to_nearest`` does, of some rows alone."""
     nearest = math.inf
-    for i in range(boxes.shape[0]):
+    for i in near_boxes:
         nearest = min(nearest, box_gap(x_m, y_m, boxes, i)[0])
-    for i in range(discs.shape[0]):
+    for i in near_discs:
         dx, dy = x_m - discs[i, 0], y_m - discs[i, 1]
         nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - discs[i, 2])
-    for i in range(polygons.shape[0]):
+    for i in near_polygons:
         nearest = min(nearest, polygon_gap(x_m, y_m, polygons, i)[0])
     return nearest
 

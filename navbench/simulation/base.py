@@ -142,7 +142,8 @@ class Simulator(ABC):
         """
         count = len(starts)
         if layout is not self._layout or self.scene.fastest_mps > 0.0:
-            self._layout, self.scene = layout, Scene(layout)
+            reach_m = self.robot.radius_m + max(self.rays.reach_m, self.robot.radius_m)
+            self._layout, self.scene = layout, Scene(layout, reach_m)
         scene, self.robots = self.scene, np.zeros(count, ROBOT)
         begun = [(*start, *start, goal.x_m, goal.y_m, 1) for start, goal in zip(starts, layout.goals, strict=True)]
         for name, column in zip(_BEGUN, zip(*begun, strict=True), strict=True):

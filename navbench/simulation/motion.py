@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled, compiled_inline
-from navbench.mathematics.geometry import distance_to_nearest, wrap_angle
+from navbench.mathematics.geometry import distance_to_nearest_of, wrap_angle
 from navbench.mathematics.kinematics import lag_speed, ramp_speed
+from navbench.simulation.index import Index, nearby
 from navbench.simulation.touching import (
     BOX,
     CELL,
@@ -31,7 +32,7 @@ IntArray = NDArray[np.int64]
 RobotArray = NDArray[np.void]
 Movers = tuple[FloatArray, FloatArray]  # as ``mover_tables`` returns them
 Scenery = tuple[  # see ``Scene.arrays``
-    FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers, FreeArray, FloatArray
+    FloatArray, FloatArray, FloatArray, FloatArray, Movers, Movers, FreeArray, FloatArray, Index
 ]  # fmt: skip
 Pipeline = tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]  # see ``Simulator.pipeline``
 
@@ -279,7 +280,7 @@ def _first_event(
 
     Contact beats arrival at the same instant; otherwise the first robot and the first thing of the scene count.
     """
-    boxes, discs, polygons, line, _, _, free, place = scenery
+    boxes, discs, polygons, line, _, _, free, place, index = scenery
     first, who, kind, what = math.inf, -1, NONE, -1
     limit, near = end, fixed.radius_m * (1.0 + ROUNDING_RADII)
     for i in range(robots.shape[0]):
@@ -289,32 +290,33 @@ def _first_event(
         # the clearance is that of the substep's beginning or of an event in it
         if not robot.running or robot.is_held or robot.clearance_m > far - fixed.radius_m:
             continue
-        for k in range(boxes.shape[0]):
+        near_boxes, near_discs, near_polygons = nearby(robot.x_m, robot.y_m, index)
+        for k in near_boxes:
             when = first_touch(robot, robot, fixed, begin, limit, BOX, boxes, k)
             if when < first:
                 first, limit, who, kind, what = when, when, i, BOX, k
-        for k in range(discs.shape[0]):
+        for k in near_discs:
             if math.hypot(robot.x_m - discs[k, 0], robot.y_m - discs[k, 1]) - discs[k, 2] <= far:
                 when = first_touch(robot, robot, fixed, begin, limit, DISC, discs, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, DISC, k
-        for k in range(polygons.shape[0]):
+        for k in near_polygons:
             if math.hypot(robot.x_m - polygons[k, 0], robot.y_m - polygons[k, 1]) - polygons[k, 2] <= far:
                 when = first_touch(robot, robot, fixed, begin, limit, POLYGON, polygons, k)
                 if when < first:
                     first, limit, who, kind, what = when, when, i, POLYGON, k
         if free.shape[0]:
             cell = np.array([[0.0, 0.0, 0.5 * place[2], 0.5 * place[2], 1.0, 0.0]])
-            low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[0])
-            low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[1])
+            low_row, high_row = _cells(robot.y_m, near + v * span_s, place[1], place[2], free.shape[1])
+            low_column, high_column = _cells(robot.x_m, near + v * span_s, place[0], place[2], free.shape[2])
             for row in range(low_row, high_row):
                 for column in range(low_column, high_column):
-                    if free[row, column] == 0:
+                    if free[0, row, column, 0] == 0:
                         cell[0, 0] = place[0] + place[2] * (column + 0.5)
                         cell[0, 1] = place[1] + place[2] * (row + 0.5)
                         when = first_touch(robot, robot, fixed, begin, limit, BOX, cell, 0)
                         if when < first:
-                            first, limit, who, kind, what = when, when, i, CELL, row * free.shape[1] + column
+                            first, limit, who, kind, what = when, when, i, CELL, row * free.shape[2] + column
         for k in range(robots.shape[0]):
             other = robots[k]
             if k < i and other.running and not other.is_held or k == i:
@@ -352,7 +354,9 @@ def measure_clearance(robots: RobotArray, scenery: Scenery, radius_m: float) -> 
         robot = robots[i]
         if not robot.running:
             continue
-        nearest = distance_to_nearest(robot.x_m, robot.y_m, boxes, discs, polygons)
+        nearest = distance_to_nearest_of(
+            robot.x_m, robot.y_m, boxes, discs, polygons, *nearby(robot.x_m, robot.y_m, scenery[8])
+        )
         nearest = min(nearest, nearest_cell(robot.x_m, robot.y_m, free, place))
         for j in range(robots.shape[0]):
             if j != i:

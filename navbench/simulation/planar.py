@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from navbench.compiled import compiled, compiled_for_vectors, compiled_inline, direct
 from navbench.mathematics.geometry import box_gap
 from navbench.simulation.base import Simulator
+from navbench.simulation.index import nearby
 from navbench.simulation.motion import Scenery
 from navbench.world.grid import ray_to_cell
 
@@ -129,15 +130,16 @@ def cast(
         ay[k] = y + sine * ray.begin_x_m + cosine * ray.begin_y_m
         ux[k], uy[k] = cosine * ray.cosine - sine * ray.sine, sine * ray.cosine + cosine * ray.sine
         free[k] = math.inf
-    for k in range(boxes.shape[0]):
+    near_boxes, near_discs, near_polygons = nearby(x, y, scenery[8])
+    for k in near_boxes:
         if box_gap(x, y, boxes, k)[0] <= far:
             _stop_at_box(
                 ax, ay, ux, uy, free, boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3], boxes[k, 4], boxes[k, 5]
             )
-    for k in range(discs.shape[0]):
+    for k in near_discs:
         if _is_within(x, y, discs[k, 0], discs[k, 1], far + discs[k, 2]):
             _stop_at_circle(ax, ay, ux, uy, free, discs[k, 0], discs[k, 1], discs[k, 2])
-    for k in range(polygons.shape[0]):
+    for k in near_polygons:
         if _is_within(x, y, polygons[k, 0], polygons[k, 1], far + polygons[k, 2]):
             _stop_at_polygon(ax, ay, ux, uy, free, low, high, polygons[k])
     if grid.shape[0]:

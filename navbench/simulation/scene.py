@@ -1,9 +1,12 @@
 """A layout at an instant, as the arrays that compiled functions take: boxes, and discs and polygons where they are."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.mathematics.geometry import distance_to_nearest
+from navbench.simulation.index import index_of
 from navbench.world.grid import NO_GRID, nearest_cell
 from navbench.world.layout import Layout
 from navbench.world.shapes import mover_tables, place_movers
@@ -14,6 +17,10 @@ FloatArray = NDArray[np.float64]
 class Scene:
     """Everything in a layout but its robots, at time 0 until ``move_to`` says otherwise.
 
+    Args:
+        layout: the layout.
+        reach_m: how far from its centre a robot may sense or touch things [m].
+
     Attributes:
         layout: the layout.
         boxes: (n, 6) as in ``Layout.box_rows``.
@@ -21,11 +28,12 @@ class Scene:
         polygons: (l, 5 + 2 k) as in ``Layout.polygon_rows``, changed in place.
         finish_line: (1, 6) as a box without width, or (0, 6) for none.
         grid: as ``Grid.arrays``, (0, 0) without one.
-        arrays: all of these and the movers' tables, round and outlined ones, as compiled functions take them.
+        arrays: all of these, the movers' tables, round and outlined ones, and what is near where, as compiled functions
+            take them.
         fastest_mps: the largest speed of any mover [m/s].
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, reach_m: float = math.inf) -> None:
         self.layout = layout
         self.boxes, self.discs, self.polygons = map(
             np.ascontiguousarray, (layout.box_rows(), layout.disc_rows(), layout.polygon_rows())
@@ -37,7 +45,7 @@ class Scene:
         self.grid = NO_GRID if layout.grid is None else layout.grid.arrays()
         self.arrays = (
             self.boxes, self.discs, self.polygons, self.finish_line, self._round_tables, self._outlined_tables,
-            *self.grid,
+            *self.grid, index_of(self.boxes, self.discs, self.polygons, len(layout.discs), len(layout.polygons), reach_m),
         )  # fmt: skip
 
     def move_to(self, t_s: float) -> None:

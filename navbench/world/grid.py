@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 FreeArray = NDArray[np.uint8]
 
 SIDE_MAX = 2**15  # cells along a side: more are a slip
-FREE_MAX = 255  # cells that are known to be free around one: more are passed in several steps
+FREE_MAX = 255  # cells along a side of a free rectangle: more are passed in several steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -79,8 +79,9 @@ class Grid:
         """Return the grid as compiled functions take it.
 
         Returns:
-            (height, width) for each cell how many cells away, along either axis, the nearest occupied one is, at most
-            ``FREE_MAX``; and (3,) ``x_min_m``, ``y_min_m``, ``resolution_m``.
+            (4, height, width, 2) for each cell how many columns and rows of free cells begin there, both 0 for an
+            occupied one: as the rows and columns run, with the columns reversed, with the rows reversed, and with both;
+            and (3,) ``x_min_m``, ``y_min_m``, ``resolution_m``.
         """
         return _free_cells(self), np.array([self.x_min_m, self.y_min_m, self.resolution_m])
 
@@ -96,18 +97,38 @@ class Grid:
         return np.column_stack(columns)
 
 
-NO_GRID: tuple[FreeArray, FloatArray] = np.zeros((0, 0), np.uint8), np.array([0.0, 0.0, 1.0])
+NO_GRID: tuple[FreeArray, FloatArray] = np.zeros((0, 0, 0, 2), np.uint8), np.array([0.0, 0.0, 1.0])
 
 
 @lru_cache(maxsize=8)
 def _free_cells(grid: Grid) -> FreeArray:
-    from scipy.ndimage import distance_transform_cdt
-
     occupied = grid.occupied()
-    if not occupied.any():
-        return np.full(occupied.shape, FREE_MAX, np.uint8)
-    away: FreeArray = np.minimum(distance_transform_cdt(~occupied, metric="chessboard"), FREE_MAX).astype(np.uint8)
-    return away
+    views = (occupied, occupied[:, ::-1], occupied[::-1], occupied[::-1, ::-1])
+    return np.stack([_free_rectangles(np.ascontiguousarray(view)) for view in views])
+
+
+@compiled
+def _free_rectangles(occupied: NDArray[np.bool_]) -> FreeArray:
+    """Return how many columns and rows of free cells begin at each cell: (height, width, 2).
+
+    It is the next row's rectangle with this row added or the next column's with this column added: that of these whose
+    shorter side is longer.
+    """
+    height, width = occupied.shape
+    free = np.full((height + 1, width + 1, 2), FREE_MAX, np.uint8)  # what is outside is free
+    rows = np.full(width, FREE_MAX)  # how many are free from here on in each column
+    for i in range(height - 1, -1, -1):
+        columns = FREE_MAX
+        for j in range(width - 1, -1, -1):
+            if occupied[i, j]:
+                columns, rows[j], free[i, j] = 0, 0, 0
+                continue
+            columns, rows[j] = min(columns + 1, FREE_MAX), min(rows[j] + 1, FREE_MAX)
+            next_row, next_column = free[i + 1, j], free[i, j + 1]
+            wide = min(np.intp(next_row[0] or columns), columns), min(np.intp(next_row[1]) + 1, FREE_MAX)
+            high = min(np.intp(next_column[0]) + 1, FREE_MAX), min(np.intp(next_column[1] or rows[j]), rows[j])
+            free[i, j, 0], free[i, j, 1] = wide if (min(wide), max(wide)) > (min(high), max(high)) else high
+    return free[:height, :width]
 
 
 @compiled
@@ -130,22 +151,34 @@ def cell_gap(x_m: float, y_m: float, place: FloatArray, row: int, column: int) -
 def nearest_cell(x_m: float, y_m: float, free: FreeArray, place: FloatArray) -> float:
     """Return the signed distance from a point to the nearest occupied cell [m], infinite where there is none.
 
-    Cells are tried ring by ring around the point's own, until none further out can be nearer.
+    Cells are tried ring by ring around the point's own, beginning beyond those that are known to be free, until none
+    further out can be nearer; free rectangles lead along a ring in large steps.
     """
-    height, width = free.shape
+    height, width = free.shape[1], free.shape[2]
     nearest = math.inf
     if height == 0:
         return nearest
     row = min(max(int(math.floor((y_m - place[1]) / place[2])), 0), height - 1)
     column = min(max(int(math.floor((x_m - place[0]) / place[2])), 0), width - 1)
-    for ring in range(int(free[row, column]), max(height, width)):
+    known = FREE_MAX
+    for quarter in range(4):
+        cell = free[quarter, height - 1 - row if quarter & 2 else row, width - 1 - column if quarter & 1 else column]
+        known = min(known, int(np.intp(cell.min())))
+    for ring in range(known, max(height, width)):
         if (ring - 1) * place[2] >= nearest:
             break
-        for i in range(max(row - ring, 0), min(row + ring, height - 1) + 1):
-            step = 1 if abs(i - row) == ring else 2 * ring  # the ring's first and last row are whole
-            for j in range(column - ring, column + ring + 1, max(step, 1)):
-                if 0 <= j < width and free[i, j] == 0:
+        for i in (row - ring, row + ring):
+            j = max(column - ring, 0)
+            while 0 <= i < height and j <= min(column + ring, width - 1):
+                if free[0, i, j, 0] == 0:
                     nearest = min(nearest, cell_gap(x_m, y_m, place, i, j)[0])
+                j += max(np.intp(free[0, i, j, 0]), 1)
+        for j in (column - ring, column + ring):
+            i = max(row - ring, 0)
+            while 0 <= j < width and i <= min(row + ring, height - 1):
+                if free[0, i, j, 1] == 0:
+                    nearest = min(nearest, cell_gap(x_m, y_m, place, i, j)[0])
+                i += max(np.intp(free[0, i, j, 1]), 1)
     return nearest
 
 
@@ -153,31 +186,27 @@ def nearest_cell(x_m: float, y_m: float, free: FreeArray, place: FloatArray) -> 
 def ray_to_cell(ax: float, ay: float, ux: float, uy: float, far_m: float, free: FreeArray, place: FloatArray) -> float:
     """Return how far it is from a along a unit vector u to an occupied cell [m], infinite where it is beyond ``far_m``.
 
-    The ray steps out of the largest square of free cells around the one that it is in; where it enters an occupied one,
-    the step was exact.
+    Columns and rows are counted so that they grow along the ray. It steps out of the free rectangle that begins at the
+    cell that it is in; where it enters an occupied one, the step was exact.
     """
-    height, width = free.shape
+    height, width, is_left, is_down = free.shape[1], free.shape[2], ux < 0.0, uy < 0.0
     px, py, limit, t = (ax - place[0]) / place[2], (ay - place[1]) / place[2], far_m / place[2], 0.0
-    across, along, is_right, is_up = 1.0 / ux, 1.0 / uy, ux > 0.0, uy > 0.0
+    px, py, quarter = width - px if is_left else px, height - py if is_down else py, free[2 * is_down + is_left]
+    ux, uy = abs(ux), abs(uy)
+    across, along = 1.0 / ux, 1.0 / uy
     if not (0.0 <= px < width and 0.0 <= py < height):  # enter the rectangle, if at all
-        left, right, low, high = -px * across, (width - px) * across, -py * along, (height - py) * along
-        t = max(min(left, right), min(low, high), 0.0)
-        if not t <= min(max(left, right), max(low, high), limit):
+        t = max(-px * across, -py * along, 0.0)
+        if not t <= min((width - px) * across, (height - py) * along, limit):
             return math.inf
-    column = min(max(np.intp(math.floor(px + t * ux)), 0), width - 1)
-    row = min(max(np.intp(math.floor(py + t * uy)), 0), height - 1)
-    while t <= limit and 0 <= row < height and 0 <= column < width:
-        c = np.intp(free[row, column])
-        if c == 0:
+    column, row = min(np.intp(px + t * ux), width - 1), min(np.intp(py + t * uy), height - 1)
+    while t <= limit and column < width and row < height:
+        right, up = column + np.intp(quarter[row, column, 0]), row + np.intp(quarter[row, column, 1])
+        if right == column:
             hit: float = t * place[2]
             return hit
-        left_end, right_end, low_end, high_end = column - c + 1, column + c, row - c + 1, row + c
-        out_x = ((right_end if is_right else left_end) - px) * across
-        out_y = ((high_end if is_up else low_end) - py) * along
-        is_side = out_x < out_y or uy == 0.0
-        t = out_x if is_side else out_y
-        in_column = min(max(np.intp(math.floor(px + t * ux)), left_end), right_end - 1)
-        in_row = min(max(np.intp(math.floor(py + t * uy)), low_end), high_end - 1)
-        column = (right_end if is_right else left_end - 1) if is_side else in_column
-        row = in_row if is_side else (high_end if is_up else low_end - 1)
+        out_x, out_y = (right - px) * across, (up - py) * along
+        if out_x < out_y:
+            t, column, row = out_x, right, min(np.intp(py + out_x * uy), up - 1)
+        else:
+            t, column, row = out_y, min(np.intp(px + out_y * ux), right - 1), up
     return math.inf
