@@ -344,7 +344,10 @@ def test_a_directory_that_cannot_be_written_to_is_refused_and_kept(
 # What is printed and written
 
 
-def test_a_run_prints_its_table_and_says_where_the_results_are(command: Command, tmp_path: Path) -> None:
+def test_a_run_prints_its_table_and_says_where_the_results_are(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navbench.cli.progress.EVERY_S", float("inf"))  # on a slow machine, too
     done = command("controller=sflc", "world=corner", "episodes=2", "start_jitter_m=0.01")
     assert done.code == 0
     assert done.err == ""

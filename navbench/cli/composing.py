@@ -88,8 +88,10 @@ class Composer:
         """Begin with nothing composed."""
         self._side = cache(self._compose_side)
 
-    def command(self, name: str, words: Sequence[str], *, sweep: bool = False) -> tuple[list[Composed], Path]:
+    def command(self, name: str, words: Sequence[str], *, sweep: bool = False) -> tuple[Iterator[Composed], Path]:
         """Return what a command line asks for, in the order of a sweep, and where its results are to go.
+
+        The first is composed at once, each other when its turn comes.
 
         Args:
             name: the primary config: run or tune.
@@ -112,7 +114,7 @@ class Composer:
         first = self._whole(name, jobs[0])
         told = HydraConfig.get()
         path = Path(told.sweep.dir if sweep else told.run.dir)
-        return [first, *(self.values(name, job) for job in jobs[1:])], path
+        return itertools.chain([first], (self.values(name, job) for job in jobs[1:])), path
 
     def values(self, name: str, words: Sequence[str]) -> Composed:
         """Return one composed configuration; arguments and errors as above.

@@ -1,5 +1,6 @@
 """The command line: picks the verb, runs it, prints, and turns what is wrong into one line and exit code 2."""
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -61,6 +62,7 @@ def main() -> None:
     except KeyboardInterrupt:
         complain("interrupted")
         code = 130
+    gc.freeze()  # else the interpreter looks through all objects once more before it ends
     sys.exit(code)
 
 

@@ -9,6 +9,7 @@ from navbench.cli.progress import complain
 from navbench.cli.tables import print_tables
 from navbench.cli.words import sort_words
 from navbench.experiments.cells import Cell
+from navbench.experiments.engines import start
 from navbench.experiments.plan import Plan
 from navbench.validation import DescriptionError
 
@@ -22,7 +23,11 @@ def run(arguments: Sequence[str]) -> int:
         if words.cfg:
             print(composer.text("run", words.overrides), end="")
             return 0
-        composed, path = composer.command("run", words.overrides, sweep=words.multirun)
+        composing_them, path = composer.command("run", words.overrides, sweep=words.multirun)
+        first = next(composing_them)
+        if words.multirun and not path.exists():
+            start("navbench.experiments.cells", first.values["workers"])  # while the others are composed
+        composed = [first, *composing_them]
     cells: list[Cell] = []
     wrong: dict[str, int] = {}
     for index, one in enumerate(composed):
@@ -37,5 +42,5 @@ def run(arguments: Sequence[str]) -> int:
     if not cells:
         return 2
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
-    options = {"workers": composed[0].values["workers"], "other_code": words.other_code}
+    options = {"workers": first.values["workers"], "other_code": words.other_code}
     return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, sum(wrong.values()), **options)

@@ -4,6 +4,8 @@ A batch whose process dies is run again. After two deaths its pieces run singly,
 only the piece that kills is lost, and the rest of the work goes on.
 """
 
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -11,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from navbench.validation import DescriptionError
@@ -63,6 +66,21 @@ def run(
         yield from ENGINES[engine](work, batches, min(count, max(len(batches), 1)))
 
 
+def start(module: str, workers: int | None = None) -> None:
+    """Start the processes in which ``run`` will do local work, and return at once.
+
+    Args:
+        module: what they import.
+        workers: as in ``run``.
+    """
+    count = workers or os.cpu_count() or 1
+    if count > 1:
+        executor = _executor(count)
+        with _starting_processes():
+            for _ in range(count):
+                executor.submit(import_module, module)
+
+
 def in_processes(
     do: Callable[[Batch], Result], items: Sequence[Batch], engine: str = "local", workers: int | None = None
 ) -> list[Result]:
@@ -106,12 +124,7 @@ def _until_a_death(
     """Run batches until all are done or a process dies; count a death for each batch that was under way then."""
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    from joblib.externals.loky import get_reusable_executor
-
-    with _starting_processes():
-        executor = get_reusable_executor(  # its processes are kept for the next call
-            max_workers=workers, initializer=_die_with, initargs=(os.getpid(),)
-        )
+    executor = _executor(workers)
     under_way: dict[Any, int] = {}
     try:
         while todo or under_way:
@@ -133,11 +146,19 @@ def _until_a_death(
         raise
 
 
+def _executor(workers: int) -> Any:
+    """Return what runs work in processes; they are kept for the next call."""
+    from joblib.externals.loky import get_reusable_executor
+
+    with _starting_processes():
+        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(),))
+
+
 def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
     """Do one piece in a process of its own."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    executor = ProcessPoolExecutor(max_workers=1, initializer=_die_with, initargs=(os.getpid(),))
+    executor = ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(),))
     try:
         with _starting_processes():
             future = executor.submit(work.do, piece)
@@ -149,8 +170,8 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
         executor.shutdown(wait=True, kill_workers=True)
 
 
-def _die_with(driver: int) -> None:
-    """End this worker soon after its driver was killed: nobody would read what it has to say, and it would wait."""
+def _begin(driver: int) -> None:
+    """Have this worker end soon after its driver was killed: nobody would read what it says, and it would wait."""
     from psutil import Process
 
     def watch() -> None:
@@ -159,6 +180,7 @@ def _die_with(driver: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+    atexit.register(gc.freeze)  # else the interpreter looks through all objects once more before it ends
 
 
 @contextmanager

@@ -251,9 +251,14 @@ class Results:
         """Return the table of episodes: one row a robot and episode, sorted by run, episode and robot."""
         return self._read("episodes", ["run_id", "episode", "robot_index"]).copy()
 
-    def trajectories(self, run_id: str = "") -> "pd.DataFrame":
-        """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time."""
-        return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id)
+    def trajectories(self, run_id: str = "", columns: Sequence[str] = ()) -> "pd.DataFrame":
+        """Return the table of trajectories, of all runs or of one, sorted by run, episode, robot and time.
+
+        Args:
+            run_id: the run; empty for all.
+            columns: what is read of it, beside what it is sorted by; none for all.
+        """
+        return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id, columns)
 
     def layouts(self) -> dict[str, str]:
         """Return the layouts that were driven: each one's JSON by its id."""
@@ -287,14 +292,14 @@ class Results:
         files = sorted((self.path / "descriptions").glob("*.parquet"))
         return {file.stem: _table_of(file).to_pandas() for file in files}
 
-    def _read(self, kind: str, order: list[str], of: str = "") -> "pd.DataFrame":
+    def _read(self, kind: str, order: list[str], of: str = "", columns: Sequence[str] = ()) -> "pd.DataFrame":
         parts = sorted((self.path / kind).glob(f"part-{of}*.parquet"))
         if kind in ("trajectories", "latency"):  # a batch's episodes are written last: without them it is unfinished
             parts = [part for part in parts if self.has("episodes", part.name)]
         if not parts:
             raise ResultsError(f"{self.path}: no results here: {kind}/ holds no part" + (f" of {of}" if of else ""))
         read = _frame_of if kind == "episodes" else _frame_of.__wrapped__
-        return read(tuple((part, part.stat().st_mtime_ns) for part in parts), tuple(order))
+        return read(tuple((part, part.stat().st_mtime_ns) for part in parts), tuple(order), tuple(columns))
 
     def _write_table(self, name: str, table: "pa.Table", code: str = "") -> None:
         import pyarrow.parquet as pq
@@ -308,20 +313,22 @@ class Results:
         write_table(self.path / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 
 
-def _table_of(file: Path) -> "pa.Table":
-    """Return what a Parquet file holds, read alone: as one of a data set it would take three times as long."""
+def _table_of(file: Path, columns: Sequence[str] | None = None) -> "pa.Table":
+    """Return a Parquet file's columns, read alone: as one of a data set it would take three times as long."""
     import pyarrow.parquet as pq
 
     with pq.ParquetFile(file) as opened:
-        return opened.read(use_threads=False)
+        return opened.read(columns, use_threads=False)
 
 
 @lru_cache(maxsize=4)
-def _frame_of(parts: tuple[tuple[Path, int], ...], order: tuple[str, ...]) -> "pd.DataFrame":
+def _frame_of(parts: tuple[tuple[Path, int], ...], order: tuple[str, ...], more: tuple[str, ...]) -> "pd.DataFrame":
     """Return some parts, each with the time of its last change, as one sorted table."""
     import pyarrow as pa
 
-    table = pa.concat_tables((_table_of(part) for part, _ in parts), promote_options="permissive").combine_chunks()
+    columns = [*order, *more] if more else None
+    tables = [_table_of(part, columns) for part, _ in parts]
+    table = pa.concat_tables(tables, promote_options="permissive").combine_chunks()
     frame: pd.DataFrame = table.to_pandas()
     return frame.sort_values(list(order), kind="stable", ignore_index=True)
 

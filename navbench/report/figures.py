@@ -177,13 +177,20 @@ def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Pane
     Raises:
         ResultsError: it keeps no trajectories.
     """
-    return stored.configuration(run), stored.world_in_common(run), episodes, stored.trajectories(run)
+    paths = stored.results.trajectories(run, ("x_m", "y_m"))
+    return stored.configuration(run), stored.world_in_common(run), episodes, paths
 
 
 def draw_cells(panels: "Sequence[Panel]") -> "Figure":
-    """Return a figure with a panel per cell."""
+    """Return a figure with a panel per cell, in margins of one size: nothing need be measured to lay it out."""
+    from matplotlib.figure import Figure
+
     columns = min(3, len(panels))
-    figure, axes = new_figure(-(-len(panels) // columns), columns, 5.2, 5.4)
+    rows = -(-len(panels) // columns)
+    width, height = 5.2 * columns, 5.6 * rows  # inches
+    figure = Figure(figsize=(width, height))
+    axes = figure.subplots(rows, columns, squeeze=False)
+    figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - 0.7 / height, 0.9 / 4.3, 1.5 / 4.1)
     for ax, panel in zip(axes.ravel(), panels, strict=False):
         draw_cell(ax, *panel)
     for ax in axes.ravel()[len(panels) :]:
@@ -219,7 +226,7 @@ def draw_cell(
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
-    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample)
+    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample, wrap=True)
 
 
 def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any, str], radius_m: float) -> str:
@@ -344,18 +351,18 @@ def save_convergence(results: Results, file: Path) -> None:
 def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None] | None) -> None:
     """Save a figure whole or not at all: under a temporary name, then renamed.
 
-    It is laid out and measured here: asked for a tight box, ``savefig`` would draw it a second time to do so.
+    With a layout engine, it is laid out and measured here: asked for a tight box, ``savefig`` would draw it twice.
     """
     from matplotlib import rcParams
     from matplotlib.backend_bases import get_registered_canvas_class
 
-    content, form = io.BytesIO(), file.suffix[1:]
+    content, form, box = io.BytesIO(), file.suffix[1:], None
     layout = figure.get_layout_engine()
     dpi = get_registered_canvas_class(form)(figure).fixed_dpi or DPI
     figure.set_dpi(dpi)
     if layout is not None:
         layout.execute(figure)
-    box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
+        box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
     figure.set_layout_engine(None)
     figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
     figure.set_layout_engine(layout)

@@ -62,9 +62,9 @@ class Joined(Results):
         mine = [rows[[self._where[run_id] is run for run_id in rows["run_id"]]] for run, rows in parts]
         return pd.concat(mine, ignore_index=True)
 
-    def trajectories(self, run_id: str = "") -> "pd.DataFrame":
+    def trajectories(self, run_id: str = "", columns: Sequence[str] = ()) -> "pd.DataFrame":
         """Return the trajectories of one cell."""
-        return (self._where[run_id] if run_id else self._runs[0]).trajectories(run_id)
+        return (self._where[run_id] if run_id else self._runs[0]).trajectories(run_id, columns)
 
     def layouts(self) -> dict[str, str]:
         """Return the layouts that were driven: each one's JSON by its id."""

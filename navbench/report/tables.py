@@ -42,6 +42,7 @@ def summarize(episodes: "pd.DataFrame", metrics: Iterable[Metric] = DECLARED) ->
     import pandas as pd
 
     means = [metric.name for metric in metrics if metric.averaged and metric.name in episodes]
+    together = fleets(driven(episodes))
     rows = []
     for run_id, group in episodes.groupby("run_id", sort=False):
         arrived = reached(group)
@@ -50,7 +51,7 @@ def summarize(episodes: "pd.DataFrame", metrics: Iterable[Metric] = DECLARED) ->
         row["collisions"] = int(group["collisions"].sum())
         row |= {name: arrived[name].mean() for name in means}
         row |= {name: int((group["outcome"] == name).sum()) for name in FAILURES}
-        row |= _fleet_columns(group)
+        row |= {"robots": group["robot_index"].nunique(), **_fleet_columns(together[together["run_id"] == run_id])}
         rows.append({**row, "run_id": run_id})
     return pd.DataFrame(rows)
 
@@ -69,16 +70,10 @@ def to_text(summary: "pd.DataFrame") -> str:
     return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:], *added, *many), "simple")
 
 
-def _fleet_columns(group: "pd.DataFrame") -> dict[str, object]:
+def _fleet_columns(table: "pd.DataFrame") -> dict[str, object]:
     """Return what the fleets of one cell did."""
-    table = fleets(driven(group))
     won = table[table["success"]]
-    return {
-        "robots": group["robot_index"].nunique(),
-        "fleets": len(won),
-        "episodes": len(table),
-        "makespan_s": won["makespan_s"].mean(),
-    }
+    return {"fleets": len(won), "episodes": len(table), "makespan_s": won["makespan_s"].mean()}
 
 
 def to_markdown(summary: "pd.DataFrame") -> str:

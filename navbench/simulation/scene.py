@@ -45,7 +45,8 @@ class Scene:
         self.grid = NO_GRID if layout.grid is None else layout.grid.arrays()
         self.arrays = (
             self.boxes, self.discs, self.polygons, self.finish_line, self._round_tables, self._outlined_tables,
-            *self.grid, index_of(self.boxes, self.discs, self.polygons, len(layout.discs), len(layout.polygons), reach_m),
+            *self.grid,
+            index_of(self.boxes, self.discs, self.polygons, len(layout.discs), len(layout.polygons), reach_m),
         )  # fmt: skip
 
     def move_to(self, t_s: float) -> None:
