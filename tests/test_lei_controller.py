@@ -554,8 +554,8 @@ def test_it_describes_its_sets_rules_and_sizes() -> None:
     assert tables["behaviors"] == {
         "behavior": ["MG", "AO", "FO"],
         "started": [27, 48, 54],
-        "left_to_AO": [4, 0, 0],
-        "left_to_FO": [12, 32, 0],
+        "with_AO": [4, 0, 0],
+        "with_FO": [12, 32, 0],
         "executed": [11, 16, 54],
     }
     assert tables["complexity"]["rules"] == [9, 81, 108, 3**7]
