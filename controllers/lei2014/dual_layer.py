@@ -145,7 +145,7 @@ class DualLayer(CompiledController):
         """Return named tables for a report.
 
         ``memberships`` (Figs 3 and 5, a set by its corners), ``danger_rules`` (Table 1), ``rules``, ``behaviors`` (how
-        many rules start each behaviour, how many of these conflict with which other, and how many are its own), ``danger`` (DDC
+        many rules start each behaviour, conflict with another and are its own), ``danger`` (DDC
         over both factors) and ``complexity`` (how many rules there are, and would be in one layer).
         """
         eta_d, eta_t = (np.linspace(variable.low, variable.high, 49) for variable in self.ddcfc.inputs.values())
