@@ -580,7 +580,7 @@ def test_it_describes_its_sets_rules_and_sizes() -> None:
     assert tables["behaviors"] == {
         "behavior": ["MG", "AO", "FO"],
         "started": [27, 48, 54],
-        "with_AO": [4, 0, 0],
+        "with_AO": [4, 0, 32],
         "with_FO": [12, 32, 0],
         "executed": [11, 16, 54],
     }
