@@ -14,9 +14,11 @@ from navbench.controllers.lei2014.measures import (
     share_falling,
     share_longer_in,
     share_mainly,
+    share_mainly_while,
     share_of_time,
     share_of_worlds_safer,
     time_at_least,
+    time_in,
 )
 from navbench.controllers.nemeiksis2019.measures import share_greater
 from navbench.records import RobotRecord
@@ -181,3 +183,21 @@ def test_a_world_is_safer_where_more_robots_touch_nothing(tmp_path: Path) -> Non
     found = share_of_worlds_safer(store(tmp_path, cells), {"label": "A"}, than={"label": "B"})
     assert found is not None
     assert (found.value, found.n) == (0.5, 2)
+
+
+def test_a_state_lasts_from_its_first_period_to_the_end_of_its_last(tmp_path: Path) -> None:
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 1.0, 0.0, 1.0, 2.0])])
+    assert time_in(stored, "state", 1.0, "begin", {"label": "A"}).value == 2.0  # type: ignore[union-attr]
+    assert time_in(stored, "state", 1.0, "end", {"label": "A"}).value == 8.0  # type: ignore[union-attr]
+    assert time_in(stored, "state", 5.0, "end", {"label": "A"}) is None
+
+
+def test_what_is_mainly_done_in_danger_and_out_of_it_are_told_apart(tmp_path: Path) -> None:
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 0.0, 1.0, 2.0, 2.0])])
+
+    def mainly(states: list[float], endangered: bool) -> float:
+        found = share_mainly_while(stored, "state", states, ["level"], 0.1, endangered, {"label": "A"})
+        assert found is not None
+        return found.value
+
+    assert (mainly([2.0], True), mainly([1.0], True), mainly([0.0], False)) == (1.0, 0.0, 1.0)

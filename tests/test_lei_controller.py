@@ -20,6 +20,7 @@ from navbench.controllers.lei2014.rules import (
     STARTS,
     Rule,
     rule_base,
+    started,
     starts_ao,
     starts_fo,
     starts_mg,
@@ -258,6 +259,31 @@ def test_a_rule_belongs_to_the_behaviour_with_priority_among_those_that_start() 
         assert STARTS[rule.behavior](*rule[:4])
         for above in BEHAVIORS[BEHAVIORS.index(rule.behavior) + 1 :]:
             assert not STARTS[above](*rule[:4])
+
+
+def test_the_symmetric_rules_give_six_of_the_eight_printed_numbers() -> None:
+    starts = [started("symmetric", *state) for state in STATES]
+    own = Counter(rule.behavior for rule in rule_base("symmetric"))
+    both = {pair: sum(set(pair) <= set(names) for names in starts) for pair in (("AO", "FO"), ("MG", "AO"))}
+    assert [sum(name in names for names in starts) for name in ("FO", "AO")] == [44, 58]
+    assert both == {("AO", "FO"): 28, ("MG", "AO"): 4}
+    assert own == {"FO": 44, "AO": 30, "MG": 7}
+
+
+def test_the_symmetric_rules_differ_from_the_literal_ones_with_the_target_ahead_only() -> None:
+    pairs = list(zip(rule_base("literal"), rule_base("symmetric"), strict=True))
+    assert {a.theta_tar for a, b in pairs if a != b} == {"C"}
+    odd = [rule for rule in rule_base("symmetric") if rule.w != mirrored_turn(by_mirror(rule).w)]
+    assert all(rule.lddc == rule.rddc and rule.fddc != "S" for rule in odd)
+
+
+def by_mirror(rule: Rule) -> Rule:
+    return next(other for other in rule_base("symmetric") if other[:4] == mirrored(rule[:4]))
+
+
+def test_read_as_eq_2_prints_it_the_robot_turns_to_the_other_side() -> None:
+    look = see(goal=(10.0, 10.0))
+    assert make(w_turns_right=False).act(look).w_radps == -make().act(look).w_radps != 0.0
 
 
 def test_moving_to_the_goal_has_as_many_turns_as_rule_2_2_names() -> None:
@@ -554,8 +580,8 @@ def test_it_describes_its_sets_rules_and_sizes() -> None:
     assert tables["behaviors"] == {
         "behavior": ["MG", "AO", "FO"],
         "started": [27, 48, 54],
-        "left_to_AO": [4, 0, 0],
-        "left_to_FO": [12, 32, 0],
+        "with_AO": [4, 0, 32],
+        "with_FO": [12, 32, 0],
         "executed": [11, 16, 54],
     }
     assert tables["complexity"]["rules"] == [9, 81, 108, 3**7]

@@ -70,6 +70,20 @@ def test_the_robots_never_avoid_an_obstacle_they_follow_it() -> None:
             assert behaviors == {0.0, 2.0}
 
 
+def test_by_the_symmetric_rules_they_avoid_from_52_to_80_seconds_at_the_fitted_speed() -> None:
+    records = drive("lei_swap", controller="dual_layer_symmetric")
+    assert all_reach(records)
+    for record in records:
+        times, behavior = record.states[:-1, 0], column(record, "behavior")
+        avoiding = times[behavior == 1.0]
+        assert (avoiding.min(), avoiding.max() + PERIOD_S) == (52.0, 80.0)
+        assert [round(float(np.mean(behavior == one)), 2) for one in (0.0, 1.0, 2.0)] == [0.81, 0.15, 0.04]
+
+
+def test_read_as_eq_2_prints_it_they_do_not_exchange_places() -> None:
+    assert not all_reach(drive("lei_swap", "controller.build.w_turns_right=false"))
+
+
 def test_the_two_robots_do_the_same_turned_by_half_a_turn() -> None:
     first, second = drive("lei_swap")
     assert second.states[:, 1:3] == pytest.approx(np.array([4.0, 4.0]) - first.states[:, 1:3], abs=1e-6)

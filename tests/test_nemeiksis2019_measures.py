@@ -113,3 +113,12 @@ def test_nothing_to_measure_is_no_figure(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, a_run("collided", behavior=[0.0]))
     assert measures.median_periods(stored, ALL) is None
     assert measures.share_jumping(stored, "behavior", "behavior", 0.0, 1, 0.5, ALL) is None
+
+
+def test_changes_count_where_another_column_has_a_value_before_or_after_them(tmp_path: Path) -> None:
+    run = a_run(goal_distance_m=[1.0, 2.0, 2.0, 3.0, 4.0], behavior=[0.0, 1.0, 0.0, 0.0, 0.0])
+    stored = stored_of(tmp_path, run)
+    found = measures.share_of_changes_while(stored, "goal_distance_m", 0.5, "behavior", 1.0, ALL)
+    assert found is not None
+    assert found.value == pytest.approx(1.0 / 3.0)
+    assert measures.share_of_changes_while(stored, "goal_distance_m", 5.0, "behavior", 1.0, ALL) is None

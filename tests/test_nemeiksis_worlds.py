@@ -61,6 +61,21 @@ def test_it_arrives_in_the_printed_iterations_and_time_within_a_tenth(
     assert record.metrics["collisions"] == 0
 
 
+@pytest.mark.parametrize(
+    ("world", "period_s", "more", "periods", "time_s"),
+    [("destination", 0.0278, [], 428, 11.9), ("bypass", 0.02549, [WITHOUT_WALL], 769, 19.60)],
+)
+def test_another_fit_arrives_as_printed_at_the_period_printed_for_each(
+    world: str, period_s: float, more: list[str], periods: int, time_s: float
+) -> None:
+    fit = [f"{robot}.wheel_speed_max_mps=0.755" for robot in ("robot", "controller.native.robot")]
+    peaks = "controller.build.blocks.destination_distance_m"
+    fit += [f"{peaks}.MD=0.47", f"{peaks}.MF=0.485", "world.goal_tolerance_m=0.0012"]
+    (record,) = runs(world, *fit, *more, f"controller.native.period_s={period_s}")
+    assert len(record.states) - 1 == pytest.approx(periods, rel=0.01)
+    assert record.metrics["time_s"] == pytest.approx(time_s, rel=0.01)
+
+
 def test_the_printed_times_make_two_periods_and_a_longer_one() -> None:
     periods_s = [19.60 / 769, 29.34 / 1142, 11.9 / 428]
     assert periods_s == pytest.approx([0.02549, 0.02569, 0.02780], abs=1e-5)

@@ -26,8 +26,8 @@ Errata, corrected here:
   sectors each: here -30 and 30 degrees belong to the front. Nothing is said of what stands further than 90 degrees
   aside: such an obstacle is left out, and such a target counts as 90 degrees aside.
 - By eq. 9, with left negative, psi runs counter-clockwise; by eq. 1 w is positive for right turns. So psi' = -w, where
-  eq. 2 prints psi' = w; read as printed, the robots of section 4 drive into each other. Eq. 4's dy has the same wrong
-  sign, and takes an arc for its chord; the simulator moves along the exact arc instead.
+  eq. 2 prints psi' = w: read as printed (``w_turns_right`` false), the robots of section 4 drive into each other. Eq.
+  4's dy has the same wrong sign, and takes an arc for its chord; the simulator moves along the exact arc instead.
 - Eq. 5 is positive also for an obstacle that draws away: there, and without relative motion, t_ck is infinite here.
 
 The paper prints the ranges of eta_t, eta_d and DDC and draws triangles. Left open, and decided here: the smallest and
@@ -118,8 +118,8 @@ def add_dangers(
     Args:
         largest: (3,) LDDC, FDDC and RDDC, 0 before the first obstacle; written.
         ddcfc: ``FuzzyInference.base`` of ``danger_controller``.
-        thresholds: R_rob [m], T [s], D_s [m], how far the front and the sides reach [rad]; and 1, or 0 if the collision
-            time counts as infinite.
+        thresholds: R_rob [m], T [s], D_s [m], how far the front and the sides reach [rad]; 1, or 0 if the collision
+            time counts as infinite; what follows is not read.
         pose: the robot's x [m], y [m] and heading [rad].
         v_mps: its speed [m/s].
         obstacles: (n, 5) x, y, radius [m], vx, vy [m/s], in the frame of ``pose``.

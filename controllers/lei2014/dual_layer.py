@@ -84,7 +84,7 @@ def step(
     if infer_and_fire(vfc, situation, trace[8:], strengths, np.empty(slot_count(vfc))) >= 0:
         return math.nan, math.nan
     trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
-    return trace[8], -trace[9]  # psi' = -w, see lei2014
+    return trace[8], -trace[9] if thresholds[6] > 0.0 else trace[9]  # psi' = -w, see lei2014
 
 
 class DualLayer(CompiledController):
@@ -102,6 +102,7 @@ class DualLayer(CompiledController):
         *,
         rules: Variant,
         velocity_aware: Flag,
+        w_turns_right: Flag,
         speed_max_mps: Positive,
         turn_max_radps: Positive,
         safety_distance_m: Positive,
@@ -111,8 +112,10 @@ class DualLayer(CompiledController):
         """Check the parameters and build both layers.
 
         Args:
-            rules: "literal", or "safe" with guards against turning to the more dangerous side.
+            rules: "literal"; "safe" with guards against turning to the more dangerous side; or "symmetric", which gives
+                the printed numbers of rules.
             velocity_aware: False: the danger degree knows of distances only, and eta_t counts as infinite.
+            w_turns_right: whether psi' = -w, as eqs 1 and 9 have it; False: psi' = w, as eq. 2 prints.
             speed_max_mps: the largest speed [m/s].
             turn_max_radps: the largest turning rate to either side [rad/s].
             safety_distance_m: D_s [m].
@@ -122,10 +125,11 @@ class DualLayer(CompiledController):
         Raises:
             ValueError: a parameter is unknown, missing or out of range.
         """
-        self.rules = rule_base(rules)
+        self._variant, self.rules = rules, rule_base(rules)
         checked_sets, self.ddcfc, self.vfc = _layers(rules, speed_max_mps, turn_max_radps, sets)
         self._obstacle_speed_max_mps = obstacle_speed_max_mps
-        self._thresholds = (safety_distance_m, checked_sets.front_rad, checked_sets.side_rad, velocity_aware)
+        sectors = checked_sets.front_rad, checked_sets.side_rad
+        self._thresholds = (safety_distance_m, *sectors, velocity_aware, w_turns_right)
 
     def make_policy(self, setup: Setup) -> Policy:
         """Return the policy for a robot and its ring, with no scan remembered."""
@@ -141,7 +145,7 @@ class DualLayer(CompiledController):
         """Return named tables for a report.
 
         ``memberships`` (Figs 3 and 5, a set by its corners), ``danger_rules`` (Table 1), ``rules``, ``behaviors`` (how
-        many rules start each behaviour, how many are left to it, and to which others the rest goes), ``danger`` (DDC
+        many rules start each behaviour, conflict with another and are its own), ``danger`` (DDC
         over both factors) and ``complexity`` (how many rules there are, and would be in one layer).
         """
         eta_d, eta_t = (np.linspace(variable.low, variable.high, 49) for variable in self.ddcfc.inputs.values())
@@ -152,19 +156,19 @@ class DualLayer(CompiledController):
             "memberships": membership_corners({**first, **self.vfc.inputs, **self.vfc.outputs}),
             "danger_rules": columns(("eta_d", "eta_t", "DDC"), self.ddcfc.rules),
             "rules": columns(("theta_tar", "LDDC", "FDDC", "RDDC", "behavior", "v", "w"), self.rules),
-            "behaviors": columns(("behavior", "started", "left_to_AO", "left_to_FO", "executed"), self._counts()),
+            "behaviors": columns(("behavior", "started", "with_AO", "with_FO", "executed"), self._counts()),
             "danger": columns(("eta_d", "eta_t", "DDC"), [tuple(map(float, row)) for row in surface]),
             "complexity": columns(("structure", "inputs", "rules"), self._complexity()),
         }
 
     def _counts(self) -> list[tuple[str, int, int, int, int]]:
-        """Return for each behaviour how many rules start it, go to AO or FO instead, and are its own."""
-        starts = [(started(*rule[:4]), rule.behavior) for rule in self.rules]
+        """Return for each behaviour how many rules start it, how many start AO or FO too, and how many are its own."""
+        starts = [started(self._variant, *rule[:4]) for rule in self.rules]
+        own = [rule.behavior for rule in self.rules]
         rows = []
         for name in BEHAVIORS:
-            executed = [behavior for names, behavior in starts if name in names]
-            elsewhere = (0 if name == other else executed.count(other) for other in ("AO", "FO"))
-            rows.append((name, len(executed), *elsewhere, executed.count(name)))
+            others = [0 if name == o else sum({name, o} <= set(names) for names in starts) for o in BEHAVIORS[1:]]
+            rows.append((name, sum(name in names for names in starts), *others, own.count(name)))
         return rows  # type: ignore[return-value]
 
     def _complexity(self) -> list[tuple[str, int, int]]:

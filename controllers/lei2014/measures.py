@@ -41,6 +41,50 @@ def time_at_least(
     return median_of(times_s)
 
 
+def time_in(
+    stored: StoredResults, column: str, state: float, when: Literal["begin", "end"], select: Select
+) -> Estimate | None:
+    """Return when a robot is first in a state, or last leaves it, the median over robots with its range [s].
+
+    Arguments as ``share_of_time`` and ``time_at_least``; robots that never are in it are left out.
+    """
+    times_s = []
+    for trajectory in trajectories_of(stored, select):
+        rows = np.flatnonzero(trajectory[column].to_numpy()[:-1] == state)
+        if len(rows):
+            times_s.append(trajectory["t_s"].to_numpy()[rows[0] if when == "begin" else rows[-1] + 1])
+    return median_of(times_s)
+
+
+def share_mainly_while(
+    stored: StoredResults,
+    column: str,
+    states: Sequence[float],
+    danger: Sequence[str],
+    level: float,
+    endangered: bool,
+    select: Select,
+) -> Estimate | None:
+    """Return the share of robots that, while in danger or while not, are in some states in most control periods.
+
+    Args:
+        stored: the study's results.
+        column: the column of the trajectory that holds the state.
+        states: the states.
+        danger: columns of the trajectory; the largest counts.
+        level: in danger is a robot from here on.
+        endangered: whether the periods in danger count, or the others; robots without any are left out.
+        select: which cells.
+    """
+    held = []
+    for trajectory in trajectories_of(stored, select):
+        periods = trajectory.iloc[:-1]
+        counted = (periods[list(danger)].max(axis=1) >= level) == endangered
+        if counted.any():
+            held.append(bool(periods[column][counted].isin(states).mean() > 0.5))
+    return share_of(held)
+
+
 def share_of_time(stored: StoredResults, column: str, states: Sequence[float], select: Select) -> Estimate | None:
     """Return the share of its time that a robot spends in some states, the median over robots with its range.
 

@@ -10,15 +10,15 @@ w NB, NM, NS (left, big to small), Z, PS, PM, PB (right).
 Errata and readings:
 
 - Rule 1.3 says "conflict with FO behavior" twice; the second is AO. Counting out Rules 1.1 to 1.3 gives FO 54, AO 48,
-  of which 16 are left to it, and MG 27, of which 11 are. The paper prints 44, 58 and 30, 18 and 7, which also make 81,
-  but no reading of its rules that treats left and right alike yields them.
-- Rule 2.2 speaks of AO, yet fits MG: read so, its Z and its {NS, NM, NB} and {PS, PM, PB} are as many as MG has rules
-  for each azimuth, 5, 3 and 3. Its "turn left if theta_tar = Right" has to be right.
+  of which 16 are left to it, and MG 27, of which 11 are. The paper prints 44, 58 and 30, 18 and 7, which also make 81.
+- Rule 2.2 speaks of AO, yet fits MG: read so, its {NS, NM, NB} and {PS, PM, PB} are as many as MG has rules for targets
+  aside, 3 and 3; its one Z stands for five rules, or for one as ``symmetric`` has it. Its "turn left if theta_tar =
+  Right" has to be right.
 - Rule 2.1's "turn right if it walks along on the left side of obstacles" would turn towards the obstacle; read here as
   an obstacle on the robot's left. Before one in front the robot turns left, as printed.
 - Rule 2.3, "turn right if abs(theta_tar) < abs(theta_obs)", makes sense for a target on the left only; read here, with
   its mirror image, as turning to the target's side of what is in front. With the target ahead and danger on both sides
-  the robot drives on between them.
+  the robot drives on between them, where the rule, taken by the letter, has it turn right.
 - Rule 3.3's VF and F are no sets of v as the text lists them (Z, VS, S); so v has five.
 - The sizes of the turns follow Rule 2.1, the more danger the larger; Rule 3's choice among its sets is ours: the more
   sectors in big danger the slower, Z only where the robot turns too, VF with no danger at all and the target ahead.
@@ -28,6 +28,13 @@ in front: FO with the target ahead turns to the less dangerous side, and left on
 target aside turns by the larger of the danger on its side and in front, but a little only where the other side is the
 worse; AO with the target ahead turns a little from the worse side. The cells that are not mirror images of each other
 are those of FO with the target ahead: 18 of ``literal``; 6 of ``safe``, where both sides are alike.
+
+``symmetric`` gives six of the eight printed counts: AO 58, of which 28 conflict with FO and 30 are left, FO 44, and of
+MG 4 conflict with AO and 7 are left; not MG's 18 and its 7 that conflict with FO. With the target ahead it takes
+Rules 1.1.1 and 1.2.1 the other way round from what is printed: danger in front or on both sides starts AO, danger
+aside alone FO. For a target aside the rules are those of ``literal``. How AO turns before what is in front of a target
+ahead is no rule's: here away from the worse side, and left where both are alike, as Rule 2.1 has it for FO; FO with the
+target ahead turns away from the side in danger, and drives on between two alike.
 """
 
 import itertools
@@ -47,7 +54,7 @@ TURNS = ("NB", "NM", "NS", "Z", "PS", "PM", "PB")
 BEHAVIORS = ("MG", "AO", "FO")  # move to goal, avoid obstacle, follow obstacle: the later has priority (Rule 1)
 IN_DANGER = ("M", "B")
 
-Variant = Literal["literal", "safe"]
+Variant = Literal["literal", "safe", "symmetric"]
 
 
 class Rule(NamedTuple):
@@ -82,9 +89,25 @@ def starts_mg(theta_tar: str, lddc: str, fddc: str, rddc: str) -> bool:
 STARTS = {"MG": starts_mg, "AO": starts_ao, "FO": starts_fo}
 
 
-def started(theta_tar: str, lddc: str, fddc: str, rddc: str) -> tuple[str, ...]:
+def symmetric_starts_fo(theta_tar: str, lddc: str, fddc: str, rddc: str) -> bool:
+    """Rules 1.1.2 and 1.1.3, and with the target ahead danger at a side and none in front."""
+    if theta_tar == "C":
+        return fddc == "S" and (lddc in IN_DANGER or rddc in IN_DANGER)
+    return starts_fo(theta_tar, lddc, fddc, rddc)
+
+
+def symmetric_starts_ao(theta_tar: str, lddc: str, fddc: str, rddc: str) -> bool:
+    """Rules 1.2.1 to 1.2.3, and danger in front of a target ahead."""
+    return fddc in IN_DANGER or starts_ao(theta_tar, lddc, fddc, rddc)
+
+
+SYMMETRIC_STARTS = {"MG": starts_mg, "AO": symmetric_starts_ao, "FO": symmetric_starts_fo}
+
+
+def started(variant: Variant, theta_tar: str, lddc: str, fddc: str, rddc: str) -> tuple[str, ...]:
     """Return the behaviours that start here, in ascending priority (Rule 1)."""
-    return tuple(name for name, starts in STARTS.items() if starts(theta_tar, lddc, fddc, rddc))
+    starts = SYMMETRIC_STARTS if variant == "symmetric" else STARTS
+    return tuple(name for name, begins in starts.items() if begins(theta_tar, lddc, fddc, rddc))
 
 
 def turn(behavior: str, theta_tar: str, lddc: str, fddc: str, rddc: str) -> str:
@@ -110,6 +133,15 @@ def safe_turn(behavior: str, theta_tar: str, lddc: str, fddc: str, rddc: str) ->
     return turn(behavior, theta_tar, lddc, fddc, rddc)
 
 
+def symmetric_turn(behavior: str, theta_tar: str, lddc: str, fddc: str, rddc: str) -> str:
+    """Rule 2, and with the target ahead away from the side in more danger, before what is in front left if alike."""
+    if behavior == "MG" or theta_tar != "C":
+        return turn(behavior, theta_tar, lddc, fddc, rddc)
+    alike = "Z" if fddc == "S" else f"N{fddc}"
+    worst_of_all = worst(fddc, worst(lddc, rddc))
+    return f"P{worst_of_all}" if worse(lddc, rddc) else f"N{worst_of_all}" if worse(rddc, lddc) else alike
+
+
 def speed(behavior: str, theta_tar: str, lddc: str, fddc: str, rddc: str) -> str:
     """Rule 3: the more sectors in big danger, the slower."""
     big = (lddc, fddc, rddc).count("B")
@@ -125,10 +157,10 @@ def speed(behavior: str, theta_tar: str, lddc: str, fddc: str, rddc: str) -> str
 @cache
 def rule_base(variant: Variant) -> tuple[Rule, ...]:
     """Return the 81 rules of a variant, theta_tar first and RDDC last to run through its terms."""
-    turning = {"literal": turn, "safe": safe_turn}[variant]
+    turning = {"literal": turn, "safe": safe_turn, "symmetric": symmetric_turn}[variant]
     made = []
     for state in itertools.product(AZIMUTHS, DANGERS, DANGERS, DANGERS):
-        behavior = started(*state)[-1]
+        behavior = started(variant, *state)[-1]
         made.append(Rule(*state, behavior, speed(behavior, *state), turning(behavior, *state)))
     return tuple(made)
 

@@ -1,6 +1,9 @@
-"""The section of lei2014's report that draws a described value over two others."""
+"""The sections of lei2014's report: a described value over two others, and printed numbers of rules beside counted."""
 
-from navbench.report.document import Blocks
+from collections.abc import Mapping
+
+from navbench.analysis.claims import entries
+from navbench.report.document import Blocks, Column
 from navbench.report.figures import new_figure
 from navbench.report.page import Page
 
@@ -26,3 +29,19 @@ def surface_2d(page: Page, *, table: str, x: str, y: str, value: str) -> Blocks:
     ax.set(xlabel=x, ylabel=y)
     figure.colorbar(filled, ax=ax, label=value)
     return [page.plot(figure)]
+
+
+def rule_counts(page: Page, *, claims: str, tables: Mapping[str, str]) -> Blocks:
+    """Return the printed numbers of rules beside those of several described tables.
+
+    Args:
+        claims: what the ids of the claims begin with that print them, each measured by ``described_value``.
+        tables: what each reading is called, and its described table.
+    """
+    rows = []
+    for name, _, claim in entries("", page.stored.manifest["study"], stored=True):
+        if name.startswith(claims) and claim.printed is not None and claim.of and "where" in claim.of:
+            asked = claim.of["column"], claim.of["where"]
+            counted = [page.stored.described_value(table, *asked) for table in tables.values()]
+            rows.append([claim.says, claim.where, str(claim.printed), *(f"{value:g}" for value in counted)])
+    return [page.table([Column("rules"), Column("where"), Column("printed"), *map(Column, tables)], rows)]

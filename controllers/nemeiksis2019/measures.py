@@ -60,6 +60,29 @@ def share_of_periods_changing(stored: StoredResults, column: str, by: float, sel
     return median_of([float(np.mean(change > by)) for change in changes])
 
 
+def share_of_changes_while(
+    stored: StoredResults, column: str, by: float, active: str, value: float, select: Select
+) -> Estimate | None:
+    """Return what share of a column's changes begins or ends in control periods in which another has a value.
+
+    The value is the median episode's, with the range; episodes without a change are left out.
+
+    Args:
+        stored: the study's results.
+        column: the column.
+        by: a change is more than this.
+        active: the other column, such as the active agent.
+        value: its value.
+        select: which cells.
+    """
+    shares = []
+    for found, others in zip(columns_of(stored, column, select), columns_of(stored, active, select), strict=True):
+        holds, changes = others == value, np.abs(np.diff(found)) > by
+        if changes.any():
+            shares.append(float(np.mean((holds[1:] | holds[:-1])[changes])))
+    return median_of(shares)
+
+
 def share_never_rising(stored: StoredResults, column: str, slack: float, select: Select) -> Estimate | None:
     """Return the share of episodes in which a column rises from no control period to the next by more than a slack."""
     return share_of([bool((np.diff(values) <= slack).all()) for values in columns_of(stored, column, select)])

@@ -164,6 +164,8 @@ def time_series(
     panels: Mapping[str, Select],
     series: Mapping[str, Mapping[str, str]],
     ticks: Mapping[str, Mapping[str, float]] | None = None,
+    spans: Mapping[str, Sequence[float]] | None = None,
+    bands: Mapping[str, Sequence[float]] | None = None,
 ) -> Blocks:
     """Return columns of a trajectory over time: a row for each axis, a column for each run.
 
@@ -175,18 +177,24 @@ def time_series(
         series: each axis's title, such as "mu [degrees]", and the columns that it shows with what each is called;
             columns in radians are drawn in degrees.
         ticks: of some axes, what their values are called.
+        spans: what is told of some times, and from when to when [s]; shaded.
+        bands: of some axes, between which values the paper holds what they show; shaded.
     """
     figure, axes = new_figure(len(series), len(panels), 3.6 if len(panels) > 1 else 7.0, 1.8, sharex="col")
     for above, (title, select) in zip(axes.T, panels.items(), strict=True):
         path = page.stored.trajectory(page.first(select))
         for ax, (label, columns) in zip(above, series.items(), strict=True):
             for i, (column, called) in enumerate(columns.items()):
-                values = np.degrees(path[column]) if column.endswith("_rad") else path[column]
+                values = np.degrees(path[column]) if column.endswith(("_rad", "_radps")) else path[column]
                 look = {"color": PALETTE[i], "linewidth": nested_width(i, len(columns))}
                 if column in PLACE:
                     ax.plot(path["t_s"], values, label=called, **look)
                 else:
                     _stairs(ax, path["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
+            for called, (begin_s, end_s) in (spans or {}).items():
+                ax.axvspan(begin_s, end_s, color="0.85", zorder=0, label=called if ax is axes[0, 0] else None)
+            if bands and label in bands:
+                ax.axhspan(*bands[label], color="0.85", zorder=0, label="as printed")
             ax.grid(alpha=0.3)
             ax.set_ylabel(label)
             if ticks and label in ticks:
