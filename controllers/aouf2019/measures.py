@@ -53,7 +53,7 @@ def share_of_worlds_affected(
     stored: StoredResults, metric: str, margin: float | str, select: Select
 ) -> Estimate | None:
     """Return the share of worlds in which a metric's greatest value is above its least by more than a margin of it."""
-    found = reached(stored.cases(**select)).groupby("world")[metric].agg(["min", "max"])
+    found = reached(stored.select(**select)).groupby("world")[metric].agg(["min", "max"])
     return share_of((found["max"] > (1.0 + fraction("margin", margin)) * found["min"]).to_numpy())
 
 
