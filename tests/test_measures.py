@@ -127,12 +127,10 @@ def test_a_run_is_smooth_by_its_changes_of_sign_a_second(tmp_path: Path, changes
 
 
 @pytest.mark.parametrize(("margin", "expected"), [("5 %", 1.0), ("20 %", 0.0)])
-def test_a_world_is_affected_where_a_metric_spreads_by_more_than_a_margin(
-    tmp_path: Path, margin: str, expected: float
-) -> None:
+def test_what_spreads_a_metric_by_more_than_a_margin_affects_it(tmp_path: Path, margin: str, expected: float) -> None:
     stored = stored_of(tmp_path, A=[a_record(time_s=10.0)], B=[a_record(time_s=11.0)], C=[a_record("timed_out", 60.0)])
     arguments = {"metric": "time_s", "margin": margin, "select": {"name": "printed"}}
-    assert value_of(stored, f"{AOUF2019}.share_of_worlds_affected", **arguments).value == expected
+    assert value_of(stored, f"{AOUF2019}.affects", **arguments).value == expected
 
 
 def test_a_ratio_of_medians_leaves_failures_out(tmp_path: Path) -> None:

@@ -49,12 +49,10 @@ def share_smooth(stored: StoredResults, changes_per_s: float, select: Select) ->
     return share_of((rows["w_sign_changes"] <= changes_per_s * rows["time_s"]).to_numpy())
 
 
-def share_of_worlds_affected(
-    stored: StoredResults, metric: str, margin: float | str, select: Select
-) -> Estimate | None:
-    """Return the share of worlds in which a metric's greatest value is above its least by more than a margin of it."""
+def affects(stored: StoredResults, metric: str, margin: float | str, select: Select) -> Estimate | None:
+    """Return 1 where in some world a metric's greatest value exceeds its least by more than a margin of it, else 0."""
     found = reached(stored.select(**select)).groupby("world")[metric].agg(["min", "max"])
-    return share_of((found["max"] > (1.0 + fraction("margin", margin)) * found["min"]).to_numpy())
+    return share_of([bool((found["max"] > (1.0 + fraction("margin", margin)) * found["min"]).any())])
 
 
 def ratio_of_medians(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
