@@ -267,6 +267,25 @@ def test_no_progress_away_from_obstacles_is_no_dead_end() -> None:
     assert (controller.trace["behavior"], controller.trace["stalled"]) == (GO_TO_GOAL, 1.0)
 
 
+@pytest.mark.parametrize(("goal", "expected"), [((1.0, 1.0), FOLLOW_WALL), ((1.0, -1.0), GO_TO_GOAL)])
+def test_sliding_begins_wall_following_at_once_where_the_goal_is_beyond_the_obstacle(
+    goal: tuple[float, float], expected: float
+) -> None:
+    controller = make("sflc", {"begins": "sliding"})
+    heading_error(controller, see(goal=goal, ranges={"left": 0.12, "rear_left": 0.13}))
+    assert controller.trace["behavior"] == expected
+    assert controller.trace["stalled"] == 0.0
+
+
+@pytest.mark.parametrize(("progress_from", "expected"), [("best", 4.0), ("switch", 5.0)])
+def test_progress_counts_from_the_best_distance_or_from_the_switch(progress_from: str, expected: float) -> None:
+    controller = make("sflc", {"progress_from": progress_from})
+    heading_error(controller, see((1.0, 0.0, 0.0), (5.0, 0.0)))
+    heading_error(controller, see((0.0, 0.0, 0.0), (5.0, 0.0), {"left": 0.03}))  # set back
+    assert controller.trace["behavior"] == FOLLOW_WALL
+    assert controller.trace["progress_distance_m"] == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(("over_the_window_m", "expected"), [(0.051, GO_TO_GOAL), (0.049, FOLLOW_WALL)])
 def test_progress_is_judged_over_the_window(over_the_window_m: float, expected: float) -> None:
     controller = make("sflc")

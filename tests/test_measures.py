@@ -98,6 +98,54 @@ def test_an_order_must_hold_strictly_from_label_to_label(tmp_path: Path) -> None
     assert (found.value, found.n) == pytest.approx((1 / 3, 3))
 
 
+@pytest.mark.parametrize(("equal_within", "expected"), [("0 %", 1.0), ("1 %", 0.0)])
+def test_an_order_by_less_than_what_is_equal_is_none(tmp_path: Path, equal_within: str, expected: float) -> None:
+    stored = stored_of(tmp_path, A=[a_record(time_s=10.05)], B=[a_record(time_s=10.0)])
+    found = value_of(
+        stored,
+        f"{AOUF2019}.share_ordered",
+        metric="time_s",
+        labels=["A", "B"],
+        equal_within=equal_within,
+        select={"name": "printed"},
+    )
+    assert found.value == expected
+
+
+def test_a_path_is_straight_within_a_margin_and_only_if_it_reaches(tmp_path: Path) -> None:
+    records = [a_record(length_m=2.9), a_record(length_m=3.2), a_record("collided", length_m=2.9)]
+    stored = stored_of(tmp_path, A=records)
+    found = value_of(stored, f"{AOUF2019}.share_straight", margin="5 %", select={"label": "A"})
+    assert (found.value, found.n) == pytest.approx((1 / 3, 3))
+
+
+@pytest.mark.parametrize(("changes_per_s", "expected"), [(0.1, 0.5), (0.2, 1.0)])
+def test_a_run_is_smooth_by_its_changes_of_sign_a_second(tmp_path: Path, changes_per_s: float, expected: float) -> None:
+    stored = stored_of(tmp_path, A=[a_record(time_s=10.0), a_record(time_s=20.0)])  # two changes each
+    found = value_of(stored, f"{AOUF2019}.share_smooth", changes_per_s=changes_per_s, select={"label": "A"})
+    assert found.value == expected
+
+
+@pytest.mark.parametrize(("margin", "expected"), [("5 %", 1.0), ("20 %", 0.0)])
+def test_what_spreads_a_metric_by_more_than_a_margin_affects_it(tmp_path: Path, margin: str, expected: float) -> None:
+    stored = stored_of(tmp_path, A=[a_record(time_s=10.0)], B=[a_record(time_s=11.0)], C=[a_record("timed_out", 60.0)])
+    arguments = {"metric": "time_s", "margin": margin, "select": {"name": "printed"}}
+    assert value_of(stored, f"{AOUF2019}.affects", **arguments).value == expected
+
+
+def test_a_ratio_of_medians_leaves_failures_out(tmp_path: Path) -> None:
+    stored = stored_of(tmp_path, A=[a_record(time_s=10.0), a_record("timed_out", 60.0)], B=[a_record(time_s=40.0)])
+    arguments = {"metric": "time_s", "select": {"label": "A"}, "than": {"label": "B"}}
+    assert value_of(stored, f"{AOUF2019}.ratio_of_medians", **arguments).value == 0.25
+
+
+def test_described_values_are_counted_once_each(tmp_path: Path) -> None:
+    sets = {"variable": ["v", "v", "v", "w"], "term": ["S", "S", "L", "Z"]}
+    stored = store(tmp_path, [(a_cell("A"), [a_record()])], descriptions={"it-sets": sets})
+    arguments = {"table": "it-sets", "column": "term", "where": {"variable": "v"}}
+    assert value_of(stored, f"{AOUF2019}.described_count", **arguments).value == 2.0
+
+
 def test_an_order_with_a_label_that_never_arrived_is_nothing(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, A=[a_record()], B=[a_record("collided")])
     arguments = {"metric": "time_s", "labels": ["A", "B"], "select": {"name": "printed"}}

@@ -4,18 +4,20 @@ The paper says only that the robot switches to wall following when it makes no p
 when the path is clear. Left open, and decided here (the names are those of ``Behaviors``):
 
 - Wall following begins where a front sensor (all but the three rear ones) reads below ``unsafe_m``; or where one reads
-  below ``at_obstacle_m`` and the best distance to the goal so far has improved by less than ``stall_min_progress_m``
-  in the last ``stall_window_s``, all of it spent in the other behaviour.
+  below ``at_obstacle_m`` and what ``begins`` names holds: "stalled", the best distance to the goal so far has improved
+  by less than ``stall_min_progress_m`` in the last ``stall_window_s``, all of it spent in the other behaviour; or
+  "sliding", the robot would slide along the wall (as below), which asks that the goal lies beyond it and no more.
 - It keeps the wall on the side of the nearest front sensor. Where both sides are equally near (``side_tie_m``), the
   side whose direction along the wall leads nearer to the goal; where that is equal too, the left.
 - It ends when the robot is nearer to the goal by ``progress_epsilon_m`` than it was ever before wall following began
   (d_prog), and does not slide: u'_fw,t is no sum of positive shares of u_gtg and u_ao. That step already blends. Both
-  tests are those of simiam, the simulator of a course on mobile robots that teaches these behaviours.
+  tests are those of simiam, the simulator of a course on mobile robots that teaches these behaviours, whose d_prog is
+  the distance at which wall following began (``progress_from``: "switch"), not the best one ("best").
 """
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic.dataclasses import dataclass
@@ -86,8 +88,10 @@ class Behaviors:
         unsafe_m: a front reading below it begins wall following at once [m].
         stall_window_s: time over which progress is judged [s].
         stall_min_progress_m: less than this over the window is none [m].
-        progress_epsilon_m: how much nearer to the goal than ever ends wall following [m].
+        progress_epsilon_m: how much nearer to the goal than d_prog ends wall following [m].
         side_tie_m: readings that differ by less are equally near [m].
+        begins: what begins wall following at an obstacle.
+        progress_from: what d_prog is: the best distance to the goal before wall following, or the one at its beginning.
     """
 
     blend_alpha: Probability
@@ -99,6 +103,8 @@ class Behaviors:
     stall_min_progress_m: NonNegative
     progress_epsilon_m: NonNegative
     side_tie_m: NonNegative
+    begins: Literal["stalled", "sliding"]
+    progress_from: Literal["best", "switch"]
 
     def __post_init__(self) -> None:
         """Check what no single type shows."""
@@ -122,7 +128,8 @@ class Behaviors:
         weights = [self.sensor_weights[role] for role in SENSOR_ROLES]
         steering = (self.blend_alpha, self.wall_distance_m, self.at_obstacle_m, self.unsafe_m)
         switching = (self.stall_min_progress_m, self.progress_epsilon_m, self.side_tie_m)
-        return [memory, best_m], [mounts, weights, (*steering, *switching)]
+        readings = (self.begins == "sliding", self.progress_from == "switch")
+        return [memory, best_m], [mounts, weights, (*steering, *switching, *readings)]
 
 
 @dataclass(kw_only=True, config=STRICT)
@@ -187,7 +194,8 @@ def arbitrate(
     Args:
         memory: as ``TRACE``, read and written.
         best_m: as in ``has_stalled``, read and written.
-        thresholds: at_obstacle_m, unsafe_m, stall_min_progress_m, progress_epsilon_m and side_tie_m [m].
+        thresholds: at_obstacle_m, unsafe_m, stall_min_progress_m, progress_epsilon_m and side_tie_m [m], and above 0
+            where sliding begins wall following, and where d_prog is the distance at its beginning.
         ranges_m: (9,) readings [m].
         points: (9, 2) what they mean in the world [m].
         u_gtg: from the robot to the goal [m].
@@ -201,8 +209,13 @@ def arbitrate(
     if memory[BEHAVIOR] == GO_TO_GOAL:
         memory[PROGRESS_DISTANCE] = min(memory[PROGRESS_DISTANCE], distance_m)
         memory[STALLED] = has_stalled(memory, best_m, thresholds[2])
-        if memory[UNSAFE] or (memory[AT_OBSTACLE] and memory[STALLED]):
-            switch(memory, FOLLOW_WALL, side_of_wall(points, ranges_m, u_gtg, thresholds[4]))
+        side = side_of_wall(points, ranges_m, u_gtg, thresholds[4])
+        if thresholds[5] > 0.0:
+            memory[SLIDING] = is_sliding(u_gtg, u_ao, wall_direction(points, ranges_m, side))
+        if memory[UNSAFE] or (memory[AT_OBSTACLE] and memory[SLIDING if thresholds[5] > 0.0 else STALLED]):
+            switch(memory, FOLLOW_WALL, side)
+            if thresholds[6] > 0.0:
+                memory[PROGRESS_DISTANCE] = distance_m
     else:
         memory[PROGRESS_MADE] = distance_m < memory[PROGRESS_DISTANCE] - thresholds[3]
         memory[SLIDING] = is_sliding(u_gtg, u_ao, wall_direction(points, ranges_m, memory[SIDE]))

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of
+from navbench.analysis.printed import fraction
 from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.analysis.traces import spells
 from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL
@@ -32,28 +33,58 @@ class Phase(NamedTuple):
 
 def median_over_straight(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the median of path length over the straight line from start to goal, less the goal's tolerance."""
-    rows = reached(stored.cases(**select))
-    ratios = [
-        row["path_length_m"] / _straight_m(stored.world(row["run_id"], row["episode"]), row["robot_index"])
-        for row in rows.to_dict("records")
-    ]
-    return median_of(ratios)
+    return median_of(_over_straight(stored, reached(stored.cases(**select))))
 
 
-def share_ordered(stored: StoredResults, metric: str, labels: Sequence[str], select: Select) -> Estimate | None:
-    """Return the share of worlds and tuning seeds in which a metric falls strictly from each label to the next.
+def share_straight(stored: StoredResults, margin: float | str, select: Select) -> Estimate | None:
+    """Return the share of robots that reached by a path longer by at most a margin than the straight line, as above."""
+    rows = stored.cases(**select)
+    straight = [ratio <= 1.0 + fraction("margin", margin) for ratio in _over_straight(stored, rows)]
+    return share_of((rows["outcome"] == "reached").to_numpy() & np.array(straight, dtype=bool))
+
+
+def share_smooth(stored: StoredResults, changes_per_s: float, select: Select) -> Estimate | None:
+    """Return the share of robots whose turning rate changed its sign at most so many times a second."""
+    rows = stored.cases(**select)
+    return share_of((rows["w_sign_changes"] <= changes_per_s * rows["time_s"]).to_numpy())
+
+
+def affects(stored: StoredResults, metric: str, margin: float | str, select: Select) -> Estimate | None:
+    """Return 1 where in some world a metric's greatest value exceeds its least by more than a margin of it, else 0."""
+    found = reached(stored.select(**select)).groupby("world")[metric].agg(["min", "max"])
+    return share_of([bool((found["max"] > (1.0 + fraction("margin", margin)) * found["min"]).any())])
+
+
+def ratio_of_medians(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:
+    """Return a metric's median over that of the cells that are compared with, over the robots that reached."""
+    ours, theirs = (reached(rows)[metric] for rows in stored.sides(select, than))
+    return exact(ours.median() / theirs.median(), min(len(ours), len(theirs))) if len(ours) and len(theirs) else None
+
+
+def described_count(stored: StoredResults, table: str, column: str, where: Select) -> Estimate | None:
+    """Return how many different values a column of a described table has, in the rows that match."""
+    stored.described(table, column)
+    return exact(stored.described_rows(table, where)[column].nunique())
+
+
+def share_ordered(
+    stored: StoredResults, metric: str, labels: Sequence[str], select: Select, equal_within: float | str = 0.0
+) -> Estimate | None:
+    """Return the share of worlds and tuning seeds in which a metric falls from each label to the next.
 
     Args:
         stored: the study's results.
         metric: the metric's name.
         labels: from the one said to have the most to the one said to have the least.
         select: which cells.
+        equal_within: a step by at most this share of the greater value is none: 0.01 or ``1 %``.
     """
     rows = reached(stored.select(**select))
     table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)
     table = table.reindex(columns=list(labels)).dropna()
     values = table.to_numpy()
-    return share_of(np.all(values[:, :-1] > values[:, 1:], axis=1))
+    kept = 1.0 - fraction("equal_within", equal_within)
+    return share_of(np.all(kept * values[:, :-1] > values[:, 1:], axis=1))
 
 
 def share_with_outcome(stored: StoredResults, outcomes: Sequence[str], select: Select) -> Estimate | None:
@@ -84,43 +115,55 @@ def speed_range(stored: StoredResults, select: Select) -> Estimate | None:
     return median_of(np.concatenate(speeds))
 
 
-def share_in_phases(stored: StoredResults, phases: Sequence[str], select: Select) -> Estimate | None:
+def share_in_phases(
+    stored: StoredResults,
+    phases: Sequence[str],
+    select: Select,
+    turned_rad: float = TURNED_RAD,
+    approached_m: float = APPROACHED_M,
+) -> Estimate | None:
     """Return the share of episodes that go through some phases in this order, others between them or not.
 
     Args:
         stored: the study's results.
         phases: the phases' names, of ``PHASES``, in the order that the paper tells.
         select: which cells.
+        turned_rad: as in ``phases_of``.
+        approached_m: as in ``phases_of``.
     """
-    held = [
-        is_within(phases, [phase.name for phase in phases_of(stored.trajectory(row), row["outcome"])])
+    happened = [
+        phases_of(stored.trajectory(row), row["outcome"], turned_rad, approached_m)
         for row in stored.cases(**select).to_dict("records")
     ]
-    return share_of(held)
+    return share_of([is_within(phases, [phase.name for phase in run]) for run in happened])
 
 
-def phases_of(trajectory: "pd.DataFrame", outcome: str) -> list[Phase]:
+def phases_of(
+    trajectory: "pd.DataFrame", outcome: str, turned_rad: float = TURNED_RAD, approached_m: float = APPROACHED_M
+) -> list[Phase]:
     """Return the phases of one robot's trajectory, in the order in which they came about.
 
-    "turn": the heading error's size falls below 0.1 rad for the first time, having been above at the start.
-    "approach": in a spell of go-to-goal, the goal is 0.1 m nearer than at its beginning.
+    "turn": the heading error's size falls below ``turned_rad`` for the first time, having been above at the start.
+    "approach": in a spell of go-to-goal, the goal is ``approached_m`` nearer than at its beginning.
     "stall": before an obstacle, there was no progress for the arbitration's window.
     "follow": wall following begins. "release": it ends. "reach": the goal is reached.
 
     Args:
         trajectory: with the trace of ``behaviors``.
         outcome: the robot's outcome.
+        turned_rad: a heading error below it is a turn that is done [rad].
+        approached_m: so much nearer is an approach [m].
     """
     acted = trajectory.iloc[:-1]  # at the end the controller acted no more
     error_rad, behavior = acted["heading_error_rad"].to_numpy(), acted["behavior"].to_numpy()
     distance_m = acted["goal_distance_m"].to_numpy()
     happened: list[Phase] = []
-    turned = np.flatnonzero(np.abs(error_rad) < TURNED_RAD)
+    turned = np.flatnonzero(np.abs(error_rad) < turned_rad)
     if len(turned) and turned[0] > 0:
         happened.append(Phase(int(turned[0]), "turn"))
     for spell in spells(behavior):
         begin, end = spell.begin, spell.begin + spell.length
-        near = np.flatnonzero(distance_m[begin:end] <= distance_m[begin] - APPROACHED_M)
+        near = np.flatnonzero(distance_m[begin:end] <= distance_m[begin] - approached_m)
         if spell.value == FOLLOW_WALL:
             happened.append(Phase(begin, "follow"))
             if end < len(behavior):
@@ -163,6 +206,14 @@ def _best(stored: StoredResults, tunings: Sequence[str]) -> "pd.DataFrame":
     """Return the evaluation of the least cost in each of some tunings with each of its seeds."""
     rows = stored.evaluations
     return rows.loc[rows[rows["name"].isin(list(tunings))].groupby(["name", "seed"])["cost"].idxmin()]
+
+
+def _over_straight(stored: StoredResults, rows: "pd.DataFrame") -> list[float]:
+    """Return the path lengths of some robots over the straight line from start to goal, less the goal's tolerance."""
+    return [
+        row["path_length_m"] / _straight_m(stored.world(row["run_id"], row["episode"]), row["robot_index"])
+        for row in rows.to_dict("records")
+    ]
 
 
 def _straight_m(world: DrawnWorld, robot_index: int) -> float:

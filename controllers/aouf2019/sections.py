@@ -2,17 +2,24 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navbench.analysis.stored import reached
 from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL
 from navbench.controllers.aouf2019.measures import phases_of
+from navbench.report.claims import printed_figures
 from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import PALETTE, draw_world, label_legend, nested_width, new_figure
 from navbench.report.page import Page, Select
 from navbench.report.paths import cut, draw_pieces, number_places
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MARKERS = ("o", "s", "^", "D")
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 SWEPT = "#444444"
 PHASES = (
@@ -23,6 +30,48 @@ PHASES = (
     Column("y", "y_m", "m", 2),
     Column("to the goal", "goal_distance_m", "m", 2),
 )
+
+
+def printed_chart(
+    page: Page, *, metrics: Mapping[str, str], worlds: Mapping[str, str], labels: Sequence[str], readings: Sequence[str]
+) -> Blocks:
+    """Return the paper's tables beside ours as a chart: an axis for each metric and world, a row for each controller.
+
+    Args:
+        metrics: each metric's title, with what the ids of its claims begin with, such as ``{time_s: time-}``.
+        worlds: each world's title and name.
+        labels: the rows.
+        readings: names of cells, each a reading; of several runs the median is drawn, and their range as a line.
+    """
+    figure, axes = new_figure(len(metrics), len(worlds), 3.2, 2.1, sharey=True)
+    for above, (metric, claims) in zip(axes, metrics.items(), strict=True):
+        printed = printed_figures(page.stored, claims)
+        for ax, (title, world) in zip(above, worlds.items(), strict=True):
+            for row, label in enumerate(labels):
+                ax.plot(printed[label, world], row, "k|", markersize=22, markeredgewidth=2.0)
+                for i, name in enumerate(readings):
+                    _draw_reading(ax, page, {"name": name, "label": label, "world": world}, metric, row, i)
+            ax.set_title(f"{title}, {metric.rpartition('_')[0].replace('_', ' ')} [{metric.rpartition('_')[2]}]")
+            ax.set_yticks(range(len(labels)), labels)
+            ax.set_ylim(len(labels) - 0.5, -0.5)
+            ax.grid(alpha=0.3)
+    handles = [axes.ravel()[0].plot([], [], "k|", markersize=14, markeredgewidth=2.0, label="printed")[0]]
+    for i, name in enumerate(readings):
+        handles += axes.ravel()[0].plot([], [], MARKERS[i], color=PALETTE[i], label=name.replace("_", " "))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    return [page.plot(figure)]
+
+
+def _draw_reading(ax: "Axes", page: Page, select: Select, metric: str, row: int, i: int) -> None:
+    """Draw the median of the runs that reached with their range; nothing where a reading has no such controller."""
+    rows = page.stored.episodes
+    for column, value in select.items():
+        rows = rows[rows[column] == value]
+    values = reached(rows)[metric]
+    if len(values):
+        height = row + 0.16 * (i - 1)
+        ax.plot([values.min(), values.max()], [height, height], color=PALETTE[i], linewidth=1.5)
+        ax.plot(values.median(), height, MARKERS[i], color=PALETTE[i], markersize=6)
 
 
 def phases(page: Page, *, select: Select) -> Blocks:

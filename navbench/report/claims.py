@@ -196,7 +196,7 @@ def printed_table(
         labels: the rows; of some of them the paper may print nothing.
     """
     decimals, raw, rows = DECIMALS.get(metric, 4), [], []
-    printed = _printed(page.stored, claims)
+    printed = printed_figures(page.stored, claims)
     for label in labels:
         row: list[Any] = [label]
         for title, world in worlds.items():
@@ -214,7 +214,7 @@ def printed_table(
     return [page.table([Column(""), *heads], rows, Data(names, raw))]
 
 
-def _printed(stored: StoredResults, beginning: str) -> dict[tuple[str | None, str], float]:
+def printed_figures(stored: StoredResults, beginning: str) -> dict[tuple[str | None, str], float]:
     """Return the printed figures of some claims by the label, None for every one, and world of each."""
     return {
         (claim.of.get("label"), claim.of["world"]): quantity("printed", claim.printed)[0]
