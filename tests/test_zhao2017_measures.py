@@ -222,6 +222,8 @@ def test_only_fleets_that_all_reach_pass_and_one_robot_makes_a_fleets_case(tmp_p
     for more, expected in (({}, (0.5, 4)), ({"passing": True}, (0.5, 2)), ({"of_fleets": True}, (1.0, 2))):
         assert share_of(value_of(stored, f"{ZHAO2017}.share_ever", **backing, **more)) == expected
     assert share_of(value_of(stored, f"{ZHAO2017}.least_speed")) == pytest.approx((0.15, 2))  # 0 and 0.3
+    first = {"select": {**A, "robot_index": 0}, **backing, "passing": True}  # whose fleet reached only once
+    assert share_of(measure(stored, f"{ZHAO2017}.share_ever", first)) == (1.0, 1)
 
 
 # --- one passes first ---

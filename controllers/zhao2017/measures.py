@@ -61,8 +61,8 @@ def share_ever(
         passing: whether only episodes count in which all robots of the fleet reached.
         of_fleets: whether a case is an episode in which it holds for some robot, not a robot.
     """
-    rows = _passing(stored.cases(**select)) if passing else stored.cases(**select)
-    held = [bool(_within(stored.trajectory(row).iloc[:-1], holds).any()) for row in rows.to_dict("records")]
+    rows = _passing(stored, select) if passing else stored.cases(**select)
+    held = [bool(_within(path.iloc[:-1], holds).any()) for path in _paths(stored, rows)]
     if of_fleets:
         return share_of(rows.assign(held=held).groupby(["run_id", "episode"])["held"].any())
     return share_of(held)
@@ -70,8 +70,8 @@ def share_ever(
 
 def least_speed(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the least forward speed of the robots of fleets that all reach, 0 of one that backs: the median [m/s]."""
-    rows = _passing(stored.cases(**select)).to_dict("records")
-    return median_of([max(0.0, float(stored.trajectory(row)["v_mps"].iloc[1:-1].min())) for row in rows])
+    rows = _passing(stored, select)
+    return median_of([max(0.0, float(path["v_mps"].iloc[1:-1].min())) for path in _paths(stored, rows)])
 
 
 def share_slowing(
@@ -153,9 +153,9 @@ def share_possible_approach(stored: StoredResults, speed_mps: float, select: Sel
 
 
 def share_turning_left(stored: StoredResults, sensor: int, select: Select, special: bool = True) -> Estimate | None:
-    """Return the share of its periods of OA-FLC with the danger at one sensor in which a robot is told to turn left.
+    """Return the share of robots that are always told to turn left in OA-FLC's periods with the danger at one sensor.
 
-    The median robot's, with the range; robots without such a period are left out.
+    Robots without such a period are left out.
 
     Args:
         stored: the study's results.
@@ -163,14 +163,15 @@ def share_turning_left(stored: StoredResults, sensor: int, select: Select, speci
         select: which cells and robots.
         special: whether periods in special situations count, too.
     """
-    shares = []
-    for periods in periods_of(stored, select):
+    held = []
+    for path in _paths(stored, stored.cases(**select)):
+        periods = path.iloc[:-1]
         chosen = periods[(periods["active_flc"] != 0.0) & (periods["danger_sensor"] == sensor)]
         if not special:
             chosen = chosen[chosen["special_situation"] == 0.0]
         if len(chosen):
-            shares.append(float((chosen["vR_mps"] > chosen["vL_mps"]).mean()))
-    return median_of(shares)
+            held.append(bool((chosen["vR_mps"] > chosen["vL_mps"]).all()))
+    return share_of(held)
 
 
 def share_passing_first(
@@ -204,9 +205,10 @@ def share_passing_first(
         passing: whether only episodes count in which all robots reached.
     """
     held = []
-    rows = _passing(stored.cases(**select)) if passing else stored.cases(**select)
+    rows = _passing(stored, select) if passing else stored.cases(**select)
+    rows = rows.assign(path=_paths(stored, rows))
     for _, fleet in rows.groupby(["run_id", "episode"], sort=False):
-        trajectories = {row["robot_index"]: stored.trajectory(row).iloc[:-1] for row in fleet.to_dict("records")}
+        trajectories = {index: path.iloc[:-1] for index, path in zip(fleet["robot_index"], fleet["path"], strict=True)}
         if not {first, second} <= set(trajectories):
             continue
         length = min(len(trajectories[first]), len(trajectories[second]))
@@ -294,10 +296,22 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
     return share_of(met)
 
 
-def _passing(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows of the episodes in which all robots reached."""
-    reached = (rows["outcome"] == "reached").groupby([rows["run_id"], rows["episode"]]).transform("all")
-    return rows[reached]
+def _passing(stored: StoredResults, select: Select) -> "pd.DataFrame":
+    """Return the cases of the episodes in which all robots reached, also those that are not selected."""
+    rows = stored.cases(**select)
+    fleet = stored.cases(**{column: of for column, of in select.items() if column != "robot_index"})
+    passed = (fleet["outcome"] == "reached").groupby([fleet["run_id"], fleet["episode"]]).all()
+    return rows[passed.loc[list(zip(rows["run_id"], rows["episode"], strict=True))].to_numpy(dtype=bool)]
+
+
+def _paths(stored: StoredResults, rows: "pd.DataFrame") -> "list[pd.DataFrame]":
+    """Return the trajectory of each row; each cell's table is looked through once for all of them."""
+    places = {
+        run_id: stored.trajectories(run_id).groupby(["episode", "robot_index"]).indices
+        for run_id in rows["run_id"].unique()
+    }
+    keys = zip(rows["run_id"], rows["episode"], rows["robot_index"], strict=True)
+    return [stored.trajectories(run).iloc[places[run][(episode, index)]] for run, episode, index in keys]
 
 
 def _first(holds: NDArray[np.bool_], begin: int) -> int | None:
