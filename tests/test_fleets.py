@@ -186,13 +186,23 @@ def test_a_movers_speed_is_told_leg_by_leg_as_a_share_of_the_wheels_limit(phase_
     assert ROBOT["wheel_speed_max_mps"] == 0.5
     for mover, leg, share in ((1, 0, 0.8), (1, 1, 0.2), (1, 2, 0.2), (1, 3, 0.8), (0, 1, 0.5)):
         found = value_of(reading, f"{ZHAO2017}.mover_speed", mover=mover, leg=leg, select=A)
-        assert found == pytest.approx((share, math.nan, math.nan, 1), nan_ok=True)
+        assert (found.value, found.n) == pytest.approx((share, 1))
 
 
 def test_a_movers_speed_counts_each_cell_once(tmp_path: Path) -> None:
     scenes = {f"w{speed}": {**WORLD, "movers": [{**MOVER, "speeds_mps": [speed, 0.1]}]} for speed in (0.1, 0.2, 0.4)}
     reading = store(tmp_path, [(a_cell("A", name, scene=scene), [a_record()] * 2) for name, scene in scenes.items()])
     assert value_of(reading, f"{ZHAO2017}.mover_speed", mover=0, leg=0, select=A) == pytest.approx((0.4, 0.2, 0.8, 3))
+
+
+def test_printed_places_and_radii_are_those_of_the_world(tmp_path: Path) -> None:
+    reading = store(tmp_path, [(a_cell("A", scene={**WORLD, "movers": [MOVER]}), [a_record()])])
+    assert value_of(reading, f"{ZHAO2017}.mover_radius", mover=0, select=A).value == 0.2
+    ways = [[point["x_m"], point["y_m"]] for point in MOVER["waypoints"]]
+    starts = [[start["x_m"], start["y_m"]] for start in WORLD["starts"]]
+    for places, share in (({"movers": [ways]}, 1.0), ({"movers": [ways], "starts": [[9, 9], *starts[1:]]}, None)):
+        found = value_of(reading, f"{ZHAO2017}.share_of_places", places=places, select=A)
+        assert found.value == (len(starts) / (1 + len(starts)) if share is None else share)
 
 
 DISCS = [{"x_m": 1.0, "y_m": 0.5, "radius_m": 0.3}, {"x_m": 2.0, "y_m": -0.7, "radius_m": 0.2}]

@@ -224,6 +224,24 @@ def test_a_decrease_counts_each_tuning_and_is_nothing_where_never_both_reached(t
     assert measure(stored, f"{ZHAO2018}.median_decrease", {**arguments, "than": {"label": "C"}}) is None
 
 
+def test_hardly_shorter_is_what_falls_by_less_than_so_many_percent(tmp_path: Path) -> None:
+    ours = [a_record(time_s=time_s) for time_s in (9.6, 9.4, 12.0)] + [a_record("collided", 1.0)]
+    stored = stored_of(tmp_path, A=ours, B=[a_record(time_s=10.0)] * 4)
+    arguments = {"metric": "time_s", "select": {"label": "A"}, "than": {"label": "B"}}
+    for percent, share in ((5.0, 2 / 3), (3.9, 1 / 3), (7.0, 1.0)):
+        found = value_of(stored, f"{ZHAO2018}.share_hardly_shorter", percent=percent, **arguments)
+        assert (found.value, found.n) == pytest.approx((share, 3))
+
+
+def test_rules_are_alike_where_both_wheels_are_told_the_same(tmp_path: Path) -> None:
+    cells = {"R": ["S", "S", "M", "M"], "Phi": ["F", "B", "F", "B"], "vL": ["Z"] * 4, "vR": ["PB"] * 4}
+    others = {**cells, "vL": ["Z", "NB", "Z", "Z"], "vR": ["PB", "PB", "PB", "NS"]}
+    stored = store(tmp_path, [(a_cell("A"), [a_record()])], descriptions={"a-rules": cells, "b-rules": others})
+    found = measure(stored, f"{ZHAO2018}.share_of_rules_alike", {"table": "a-rules", "other": "b-rules"})
+    assert found is not None
+    assert (found.value, found.n) == (0.5, 4)
+
+
 def test_tunings_are_summed_up_over_their_seeds(tmp_path: Path) -> None:
     costs = {("pso", 0): [3.0, 2.0, 2.5, 4.0], ("pso", 1): [5.0, 4.0, 3.0, 1.0], ("fa", 0): [9.0, 9.0, 9.0, 8.0]}
     stored = store(tmp_path, [(a_cell(), [a_record()])], costs=costs)

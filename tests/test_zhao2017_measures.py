@@ -111,7 +111,7 @@ def test_a_robot_that_is_always_in_danger_has_no_period_that_counts(tmp_path: Pa
 # --- how low a column falls ---
 
 
-def test_a_least_value_at_the_bound_counts_and_the_end_does_not(tmp_path: Path) -> None:
+def test_what_held_in_one_period_counts_at_the_bound_and_the_end_does_not(tmp_path: Path) -> None:
     lanes = [(0.0, float(y)) for y in (5, 4, 3, 0)]
     stored = stored_of(
         tmp_path,
@@ -119,13 +119,11 @@ def test_a_least_value_at_the_bound_counts_and_the_end_does_not(tmp_path: Path) 
         a_drive([0.1] * 3, near_m=[5.0, 2.001, 9.0]),
         a_drive([0.1] * 3, near_m=[5.0, -1.0, 9.0], places=lanes),
     )
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_with_least", column="near_m", at_most=2.0)) == pytest.approx(
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_ever", holds={"near_m": [-9, 2.0]})) == pytest.approx(
         (2 / 3, 3)
     )
     # the third robot's y is 0 only at its end
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_with_least", column="y_m", at_most=0.0)) == pytest.approx(
-        (2 / 3, 3)
-    )
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_ever", holds={"y_m": [-9, 0.0]})) == pytest.approx((2 / 3, 3))
 
 
 # --- slowing down when a state begins ---
@@ -135,12 +133,15 @@ def test_slowing_is_looked_for_from_the_onset_on_and_within_the_time(tmp_path: P
     drive = a_drive([0.5, 0.5, 0.5, 0.4, 0.5], on=[0, 1, 1, 1, 1])
     stored = stored_of(tmp_path, drive)
     for within_s, slows in ((0.0, 0.0), (1.0, 0.0), (1.9, 0.0), (2.0, 1.0), (99.0, 1.0)):
-        assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=within_s)) == (slows, 1)
+        assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=within_s, quiet_s=0.0)) == (
+            slows,
+            1,
+        )
 
 
 def test_who_was_slow_before_the_onset_has_not_slowed_down_after_it(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, a_drive([0.1, 0.5, 0.5, 0.5], on=[0, 0, 1, 1]))
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=9.0)) == (0.0, 1)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=9.0, quiet_s=0.0)) == (0.0, 1)
 
 
 def test_every_onset_counts_and_those_of_robots_that_stand_or_back_do_not(tmp_path: Path) -> None:
@@ -149,13 +150,20 @@ def test_every_onset_counts_and_those_of_robots_that_stand_or_back_do_not(tmp_pa
         a_drive([0.5, 0.3, 0.3, 0.3, 0.0, 0.2, -0.1, 0.2], on=[0, 1, 0, 1, 0, 1, 0, 1]),
         a_drive([0.1, 0.5], on=[1, 1]),  # it was in it from the beginning: no onset
     )
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=0.5)) == (0.5, 2)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=0.5, quiet_s=0.0)) == (0.5, 2)
 
 
 def test_a_state_of_any_sign_is_a_state_and_without_an_onset_there_is_nothing(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, a_drive([0.5, 0.1], on=[0, -2], off=[0, 0]))
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0)) == (1.0, 1)
-    assert value_of(stored, f"{ZHAO2017}.share_slowing", column="off", within_s=1.0) is None
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0, quiet_s=0.0)) == (1.0, 1)
+    assert value_of(stored, f"{ZHAO2017}.share_slowing", column="off", within_s=1.0, quiet_s=0.0) is None
+
+
+def test_a_state_that_flickers_is_entered_once(tmp_path: Path) -> None:
+    stored = stored_of(tmp_path, a_drive([0.5, 0.3, 0.3, 0.4, 0.3, 0.3], on=[0, 1, 0, 1, 0, 0]))
+    for quiet_s, expected in ((0.0, (0.5, 2)), (1.0, (0.5, 2)), (1.5, (1.0, 1)), (2.0, (1.0, 1))):
+        found = value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=0.5, quiet_s=quiet_s)
+        assert share_of(found) == expected
 
 
 # --- speeding up again when a state is over ---
@@ -169,13 +177,13 @@ def test_a_speed_is_regained_only_after_the_states_last_end(tmp_path: Path) -> N
         a_drive([0.5, 0.1, 0.3], on=[0, 1, 1]),  # it was never over
         a_drive([0.5, 0.5, 0.5], on=[0, 0, 0]),  # never in it: left out
     )
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.3)) == pytest.approx(
-        (1 / 3, 3)
-    )
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.2)) == pytest.approx(
-        (2 / 3, 3)
-    )
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.31)) == (0.0, 3)
+    assert share_of(
+        value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.3, beyond={})
+    ) == pytest.approx((1 / 3, 3))
+    assert share_of(
+        value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.2, beyond={})
+    ) == pytest.approx((2 / 3, 3))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.31, beyond={})) == (0.0, 3)
 
 
 def test_who_never_was_in_a_state_regains_nothing(tmp_path: Path) -> None:
@@ -185,9 +193,37 @@ def test_who_never_was_in_a_state_regains_nothing(tmp_path: Path) -> None:
             f"{ZHAO2017}.share_regaining",
             column="on",
             speed_mps=0.1,
+            beyond={},
         )
         is None
     )
+
+
+def test_a_robot_whose_last_danger_lies_elsewhere_is_left_out(tmp_path: Path) -> None:
+    stored = stored_of(
+        tmp_path,
+        a_drive([0.5, 0.1, 0.5], on=[0, 1, 0], D=[9.0, 5.0, 1.0]),
+        a_drive([0.5, 0.1, 0.1], on=[0, 1, 0], D=[9.0, 3.9, 1.0]),
+    )
+    found = value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.5, beyond={"D": [4.0, 99.0]})
+    assert share_of(found) == (1.0, 1)
+
+
+# --- fleets that all reach ---
+
+
+def test_only_fleets_that_all_reach_pass_and_one_robot_makes_a_fleets_case(tmp_path: Path) -> None:
+    stored = stored_of(
+        tmp_path,
+        [a_drive([0.5, -0.2, 0.5], index=0), a_drive([0.5, 0.3, 0.5], index=1)],
+        [a_drive([0.5, 0.4, 0.5], index=0), a_drive([0.5, -0.3, 0.5], "collided", index=1)],
+    )
+    backing = {"holds": {"v_mps": [-9.0, 0.0]}}
+    for more, expected in (({}, (0.5, 4)), ({"passing": True}, (0.5, 2)), ({"of_fleets": True}, (1.0, 2))):
+        assert share_of(value_of(stored, f"{ZHAO2017}.share_ever", **backing, **more)) == expected
+    assert share_of(value_of(stored, f"{ZHAO2017}.least_speed")) == pytest.approx((0.15, 2))  # 0 and 0.3
+    first = {"select": {**A, "robot_index": 0}, **backing, "passing": True}  # whose fleet reached only once
+    assert share_of(measure(stored, f"{ZHAO2017}.share_ever", first)) == (1.0, 1)
 
 
 # --- one passes first ---
@@ -279,9 +315,9 @@ def test_each_episode_is_one_case_of_passing(tmp_path: Path) -> None:
             "state": "on",
             "settled_s": 0.0,
         },
-        {"name": f"{ZHAO2017}.share_with_least", "column": "v_mps", "at_most": 1.0},
-        {"name": f"{ZHAO2017}.share_slowing", "column": "on", "within_s": 1.0},
-        {"name": f"{ZHAO2017}.share_regaining", "column": "on", "speed_mps": 1.0},
+        {"name": f"{ZHAO2017}.share_ever", "holds": {"v_mps": [0.0, 1.0]}},
+        {"name": f"{ZHAO2017}.share_slowing", "column": "on", "within_s": 1.0, "quiet_s": 0.0},
+        {"name": f"{ZHAO2017}.share_regaining", "column": "on", "speed_mps": 1.0, "beyond": {}},
         {"name": f"{ZHAO2017}.share_passing_first", **PASSING},
     ],
 )
@@ -299,7 +335,7 @@ def test_a_robot_that_failed_before_its_first_period_has_no_way_that_counts(tmp_
     )
     stored = stored_of(tmp_path, at_once, a_drive([0.5, 0.1, 0.5], on=[0, 1, 0], danger=[0, 1, 0]))
     assert share_of(share_of_periods(stored, {}, {"v_mps": [0.5, 0.5]})) == (1.0, 1)
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0)) == (1.0, 1)
-    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.5)) == (1.0, 1)
-    found = value_of(stored, f"{ZHAO2017}.share_with_least", column="v_mps", at_most=math.inf)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_slowing", column="on", within_s=1.0, quiet_s=0.0)) == (1.0, 1)
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_regaining", column="on", speed_mps=0.5, beyond={})) == (1.0, 1)
+    found = value_of(stored, f"{ZHAO2017}.share_ever", holds={"v_mps": [-9.0, math.inf]})
     assert share_of(found) == (0.5, 2)

@@ -21,8 +21,9 @@ further sensors say which direction is freer, and Phi is rewritten to the direct
 
 Errata, corrected here:
 
-- (4) needs two readings of one thing: where the last reading was none, or this one is, R_dc is infinite; so it is, as
-  the paper says, where nothing approaches. Where all are infinite, Phi means nothing and TO runs.
+- (4) takes two readings for those of one thing, which they need not be. Where the last one or this one is the end of
+  the sensor's range, R_dc is infinite; so it is, as the paper says, where nothing approaches. Where all are infinite,
+  Phi means nothing and TO runs.
 - Section 3.1 puts angles in [-180, 180), which would turn s_15 to -180 degrees; here it lies at 180, on a circle.
 - Section 4 takes the direction of danger from v_ro - v_r = -v_o, which no range sensor knows and which is nothing for
   what stands still; here it is Phi, the direction of the sensor of R.

@@ -1,4 +1,4 @@
-"""What only the claims about zhao2017 measure: how robots slow down before a danger and pass each other; its movers."""
+"""What only the claims about zhao2017 measure: how robots slow down before a danger and pass each other; eq. 4."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.estimates import median_of, share_of
-from navbench.analysis.measures import difference
 from navbench.analysis.stored import StoredResults
 from navbench.analysis.traces import periods_of
 from navbench.mathematics.statistics import Estimate
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
 Select = Mapping[str, Any]
 Bands = Mapping[str, Sequence[float]]  # for a column [low, high], both in it
+ROUNDED_S = 1e-9  # of times that are sums of periods
 
 
 def share_of_periods(
@@ -49,52 +49,129 @@ def share_of_periods(
     return median_of(shares)
 
 
-def share_with_least(stored: StoredResults, column: str, at_most: float, select: Select) -> Estimate | None:
-    """Return the share of robots for which a column falls to a value or below it."""
-    return share_of([trajectory[column].min() <= at_most for trajectory in periods_of(stored, select)])
+def share_ever(
+    stored: StoredResults, holds: Bands, select: Select, passing: bool = False, of_fleets: bool = False
+) -> Estimate | None:
+    """Return the share of robots for which some bands hold in some control period.
+
+    Args:
+        stored: the study's results.
+        holds: what must hold at one time: a band for each of some columns.
+        select: which cells and robots.
+        passing: whether only episodes count in which all robots of the fleet reached.
+        of_fleets: whether a case is an episode in which it holds for some robot, not a robot.
+    """
+    rows = _passing(stored, select) if passing else stored.cases(**select)
+    held = [bool(_within(path.iloc[:-1], holds).any()) for path in _paths(stored, rows)]
+    if of_fleets:
+        return share_of(rows.assign(held=held).groupby(["run_id", "episode"])["held"].any())
+    return share_of(held)
 
 
-def share_slowing(stored: StoredResults, column: str, within_s: float, select: Select) -> Estimate | None:
-    """Return the share of onsets of a state after which a robot is slower than before, within so long.
+def least_speed(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the least forward speed of the robots of fleets that all reach, 0 of one that backs: the median [m/s]."""
+    rows = _passing(stored, select)
+    return median_of([max(0.0, float(path["v_mps"].iloc[1:-1].min())) for path in _paths(stored, rows)])
 
-    An onset is a control period in which a column is not 0 after one in which it was; those in which the robot already
+
+def share_slowing(
+    stored: StoredResults, column: str, within_s: float, quiet_s: float, select: Select
+) -> Estimate | None:
+    """Return the share of entries into a state after which a robot is slower than before, within so long.
+
+    An entry is a control period in which a column is not 0 after it was 0 for a while; those in which the robot already
     backs or stands are left out.
 
     Args:
         stored: the study's results.
         column: what tells the state.
         within_s: how soon the least speed is looked for [s].
+        quiet_s: for how long it must have been 0 before, or since the beginning [s]; a state that flickers is entered
+            once.
         select: which cells and robots.
     """
     slower = []
     for trajectory in periods_of(stored, select):
-        t_s, v_mps, on = (
-            trajectory["t_s"].to_numpy(),
-            trajectory["v_mps"].to_numpy(),
-            trajectory[column].to_numpy() != 0.0,
-        )
+        t_s, v_mps = trajectory["t_s"].to_numpy(), trajectory["v_mps"].to_numpy()
+        on = trajectory[column].to_numpy() != 0.0
         for k in np.flatnonzero(on[1:] & ~on[:-1]) + 1:
-            if v_mps[k - 1] > 0.0:
+            quiet = not on[:k][t_s[1 : k + 1] > t_s[k] - quiet_s + ROUNDED_S].any()
+            if quiet and v_mps[k - 1] > 0.0:
                 soon = (t_s >= t_s[k]) & (t_s <= t_s[k] + within_s)
                 slower.append(bool(v_mps[soon].min() < v_mps[k - 1]))
     return share_of(slower)
 
 
-def share_regaining(stored: StoredResults, column: str, speed_mps: float, select: Select) -> Estimate | None:
+def share_regaining(
+    stored: StoredResults, column: str, speed_mps: float, beyond: Bands, select: Select
+) -> Estimate | None:
     """Return the share of robots that drive as fast as this again after a state's last end.
 
     Args:
         stored: the study's results.
         column: what tells the state: not 0 in it. Robots that were never in it are left out.
         speed_mps: how fast [m/s].
+        beyond: where its last period must lie, a band for each of some columns; robots elsewhere are left out.
         select: which cells and robots.
     """
     again = []
     for trajectory in periods_of(stored, select):
         on = np.flatnonzero(trajectory[column].to_numpy() != 0.0)
-        if len(on):
+        if len(on) and _within(trajectory, beyond)[on[-1]]:
             again.append(bool((trajectory["v_mps"].to_numpy()[on[-1] + 1 :] >= speed_mps).any()))
     return share_of(again)
+
+
+def share_possible_approach(stored: StoredResults, speed_mps: float, select: Select) -> Estimate | None:
+    """Return in what share of its periods of OA-FLC (4) tells a speed that is possible: the median robot's, with range.
+
+    Among standing discs nothing approaches faster than the robot drives. The speed is the reading of the sensor of R, a
+    ray from the robot's place to the discs, over R.
+
+    Args:
+        stored: the study's results.
+        speed_mps: the fastest possible approach [m/s].
+        select: which cells and robots, among standing discs alone.
+    """
+    shares = []
+    for row in stored.cases(**select).to_dict("records"):
+        configuration = stored.configuration(row["run_id"])["configuration"]
+        angles = np.array([mount["heading_rad"] for mount in configuration["sensors"]["mounts"]])
+        discs = np.array([(disc.x_m, disc.y_m, disc.radius_m) for disc in stored.world(row["run_id"]).discs])
+        periods = stored.trajectory(row).iloc[:-1]
+        active = periods[periods["active_flc"] != 0.0]
+        direction = active["heading_rad"].to_numpy() + angles[active["danger_sensor"].to_numpy(dtype=int)]
+        away = discs[None, :, :2] - active[["x_m", "y_m"]].to_numpy()[:, None, :]
+        ahead = away[..., 0] * np.cos(direction)[:, None] + away[..., 1] * np.sin(direction)[:, None]
+        half = discs[:, 2] ** 2 - (away**2).sum(axis=2) + ahead**2  # of the ray's chord, squared
+        reach = np.where((half >= 0.0) & (ahead > 0.0), ahead - np.sqrt(np.maximum(half, 0.0)), np.inf).min(axis=1)
+        seen = np.isfinite(reach)
+        reading_m = reach[seen] - configuration["robot"]["radius_m"]  # the sensors stand on the hull
+        if len(reading_m):
+            shares.append(float((reading_m / active["R_s"].to_numpy()[seen] <= speed_mps).mean()))
+    return median_of(shares)
+
+
+def share_turning_left(stored: StoredResults, sensor: int, select: Select, special: bool = True) -> Estimate | None:
+    """Return the share of robots that are always told to turn left in OA-FLC's periods with the danger at one sensor.
+
+    Robots without such a period are left out.
+
+    Args:
+        stored: the study's results.
+        sensor: the sensor's number.
+        select: which cells and robots.
+        special: whether periods in special situations count, too.
+    """
+    held = []
+    for path in _paths(stored, stored.cases(**select)):
+        periods = path.iloc[:-1]
+        chosen = periods[(periods["active_flc"] != 0.0) & (periods["danger_sensor"] == sensor)]
+        if not special:
+            chosen = chosen[chosen["special_situation"] == 0.0]
+        if len(chosen):
+            held.append(bool((chosen["vR_mps"] > chosen["vL_mps"]).all()))
+    return share_of(held)
 
 
 def share_passing_first(
@@ -107,6 +184,7 @@ def share_passing_first(
     within_m: float,
     settled_s: float,
     select: Select,
+    passing: bool = False,
 ) -> Estimate | None:
     """Return the share of episodes in which two robots in danger slow down, one passes, and the other follows.
 
@@ -124,11 +202,13 @@ def share_passing_first(
         within_m: how near they meet, from centre to centre [m].
         settled_s: how long the first must have left the state, or until its end [s].
         select: which cells.
+        passing: whether only episodes count in which all robots reached.
     """
     held = []
-    rows = stored.cases(**select)
+    rows = _passing(stored, select) if passing else stored.cases(**select)
+    rows = rows.assign(path=_paths(stored, rows))
     for _, fleet in rows.groupby(["run_id", "episode"], sort=False):
-        trajectories = {row["robot_index"]: stored.trajectory(row).iloc[:-1] for row in fleet.to_dict("records")}
+        trajectories = {index: path.iloc[:-1] for index, path in zip(fleet["robot_index"], fleet["path"], strict=True)}
         if not {first, second} <= set(trajectories):
             continue
         length = min(len(trajectories[first]), len(trajectories[second]))
@@ -146,12 +226,6 @@ def share_passing_first(
         )
         held.append(left is not None and _first(late > fast_mps, left) is not None)
     return share_of(held)
-
-
-def difference_in_fleets_is_above(stored: StoredResults, select: Select, than: Select) -> Estimate | None:
-    """Return 1 where more fleets reach than another controller's by more than chance: the whole interval is above 0."""
-    found = difference(stored, "success", select, than)
-    return None if found is None else Estimate(float(found.low > 0.0), 0.0, 1.0, found.n)
 
 
 def mover_speed(stored: StoredResults, mover: int, leg: int, select: Select) -> Estimate | None:
@@ -174,6 +248,32 @@ def mover_speed(stored: StoredResults, mover: int, leg: int, select: Select) -> 
     return median_of(shares)
 
 
+def mover_radius(stored: StoredResults, mover: int, select: Select) -> Estimate | None:
+    """Return the radius of a mover of a world [m], by its number from 0."""
+    runs = stored.cases(**select)["run_id"].unique()
+    return median_of([stored.world(run_id).movers[mover].radius_m for run_id in runs])
+
+
+def share_of_places(stored: StoredResults, places: Mapping[str, Sequence[Any]], select: Select) -> Estimate | None:
+    """Return the share of printed places at which a world has what is printed there, each cell's world alike.
+
+    Args:
+        stored: the study's results.
+        places: the printed [x, y] of its ``starts`` or ``goals``, or the lists of them that its ``movers`` go along.
+        select: which cells.
+    """
+    found = []
+    for run_id in stored.cases(**select)["run_id"].unique():
+        world = stored.world(run_id)
+        there: dict[str, Any] = {
+            "starts": [[start.x_m, start.y_m] for start in world.starts],
+            "goals": [[goal.x_m, goal.y_m] for goal in world.goals],
+            "movers": [[[point.x_m, point.y_m] for point in mover.waypoints] for mover in world.movers],
+        }
+        found += [one == other for what, of in places.items() for one, other in zip(of, there[what], strict=True)]
+    return share_of(found)
+
+
 def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -> Estimate | None:
     """Return the share of a world's standing discs that some robot came near to, from hull to hull, and none hit.
 
@@ -194,6 +294,24 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
             away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m
             met.append(away <= within_m and i not in hit)
     return share_of(met)
+
+
+def _passing(stored: StoredResults, select: Select) -> "pd.DataFrame":
+    """Return the cases of the episodes in which all robots reached, also those that are not selected."""
+    rows = stored.cases(**select)
+    fleet = stored.cases(**{column: of for column, of in select.items() if column != "robot_index"})
+    passed = (fleet["outcome"] == "reached").groupby([fleet["run_id"], fleet["episode"]]).all()
+    return rows[passed.loc[list(zip(rows["run_id"], rows["episode"], strict=True))].to_numpy(dtype=bool)]
+
+
+def _paths(stored: StoredResults, rows: "pd.DataFrame") -> "list[pd.DataFrame]":
+    """Return the trajectory of each row; each cell's table is looked through once for all of them."""
+    places = {
+        run_id: stored.trajectories(run_id).groupby(["episode", "robot_index"]).indices
+        for run_id in rows["run_id"].unique()
+    }
+    keys = zip(rows["run_id"], rows["episode"], rows["robot_index"], strict=True)
+    return [stored.trajectories(run).iloc[places[run][(episode, index)]] for run, episode, index in keys]
 
 
 def _first(holds: NDArray[np.bool_], begin: int) -> int | None:

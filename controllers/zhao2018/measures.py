@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from navbench.analysis.estimates import median_of
+from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.stored import StoredResults, outcomes
 from navbench.mathematics.statistics import Estimate
 
@@ -24,6 +25,27 @@ def median_decrease(stored: StoredResults, metric: str, select: Select, than: Se
         select: the cells that are said to have less.
         than: the cells that they are compared with.
     """
+    return median_of(_decreases(stored, metric, select, than))
+
+
+def share_hardly_shorter(
+    stored: StoredResults, metric: str, percent: float, select: Select, than: Select
+) -> Estimate | None:
+    """Return the share of pairs in which a metric falls by less than so many percent, see ``median_decrease``."""
+    return share_of(_decreases(stored, metric, select, than) < percent)
+
+
+def share_of_rules_alike(stored: StoredResults, table: str, other: str) -> Estimate | None:
+    """Return in what share of the cells of two described rule bases both wheels are told the same."""
+    ours, theirs = (stored.described(name, "R", "Phi", "vL", "vR") for name in (table, other))
+    pairs = ours.merge(theirs, on=["R", "Phi"], suffixes=("", "_other"))
+    alike = (pairs["vL"] == pairs["vL_other"]) & (pairs["vR"] == pairs["vR_other"])
+    return exact(alike.mean(), len(alike))
+
+
+def _decreases(stored: StoredResults, metric: str, select: Select, than: Select) -> NDArray[np.float64]:
+    """Return the decreases of a metric in the pairs in which both reached [percent]."""
     rows = stored.pairs(select, than, each=True)
     rows = rows[np.logical_and(*outcomes(rows).values())]
-    return median_of(100.0 * (1.0 - rows[metric] / rows[f"{metric}_other"]))
+    found: NDArray[np.float64] = (100.0 * (1.0 - rows[metric] / rows[f"{metric}_other"])).to_numpy()
+    return found
