@@ -198,8 +198,10 @@ def test_a_movers_speed_counts_each_cell_once(tmp_path: Path) -> None:
 def test_printed_places_and_radii_are_those_of_the_world(tmp_path: Path) -> None:
     reading = store(tmp_path, [(a_cell("A", scene={**WORLD, "movers": [MOVER]}), [a_record()])])
     assert value_of(reading, f"{ZHAO2017}.mover_radius", mover=0, select=A).value == 0.2
-    ways = [[point["x_m"], point["y_m"]] for point in MOVER["waypoints"]]
-    starts = [[start["x_m"], start["y_m"]] for start in WORLD["starts"]]
+    waypoints: Any = MOVER["waypoints"]
+    of_world: Any = WORLD["starts"]
+    ways = [[point["x_m"], point["y_m"]] for point in waypoints]
+    starts = [[start["x_m"], start["y_m"]] for start in of_world]
     for places, share in (({"movers": [ways]}, 1.0), ({"movers": [ways], "starts": [[9, 9], *starts[1:]]}, None)):
         found = value_of(reading, f"{ZHAO2017}.share_of_places", places=places, select=A)
         assert found.value == (len(starts) / (1 + len(starts)) if share is None else share)

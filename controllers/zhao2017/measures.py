@@ -206,9 +206,9 @@ def share_passing_first(
     """
     held = []
     rows = _passing(stored, select) if passing else stored.cases(**select)
-    rows = rows.assign(path=_paths(stored, rows))
+    paths = dict(zip(rows.index, _paths(stored, rows), strict=True))
     for _, fleet in rows.groupby(["run_id", "episode"], sort=False):
-        trajectories = {index: path.iloc[:-1] for index, path in zip(fleet["robot_index"], fleet["path"], strict=True)}
+        trajectories = {index: paths[at].iloc[:-1] for at, index in fleet["robot_index"].items()}
         if not {first, second} <= set(trajectories):
             continue
         length = min(len(trajectories[first]), len(trajectories[second]))
