@@ -468,8 +468,8 @@ def digest() -> str:
 
 
 def test_another_process_gives_the_same_bytes() -> None:
-    here = str(Path(__file__).parent)
-    program = f"import sys; sys.path.insert(0, {here!r}); import test_episode; print(test_episode.digest())"
+    paths = list(map(str, Path(__file__).parents[:2]))
+    program = f"import sys; sys.path[:0] = {paths!r}; import test_episode; print(test_episode.digest())"
     environment = os.environ | {"PYTHONHASHSEED": "12345"}
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True)
     assert done.stdout.strip() == digest()

@@ -14,7 +14,7 @@ from navbench.mathematics.statistics import Estimate
 from navbench.report.sections import check_section
 from navbench.validation import DescriptionError, describe
 
-CONF = Path(__file__).parents[1] / "conf/study"
+CONF = Path(__file__).parents[2] / "conf/study"
 STUDY = yaml.safe_load((CONF / "aouf2019.yaml").read_text())
 CLAIMS = yaml.safe_load((CONF / "aouf2019/claims.yaml").read_text())
 REPORT = yaml.safe_load((CONF / "aouf2019/report.yaml").read_text())["report"]

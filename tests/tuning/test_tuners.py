@@ -37,7 +37,7 @@ from navbench.tuning.swarms import (
     random_points,
 )
 
-FILES = sorted((Path(__file__).parents[1] / "conf" / "tuner").glob("*.yaml"))
+FILES = sorted((Path(__file__).parents[2] / "conf" / "tuner").glob("*.yaml"))
 NAMES = [path.stem for path in FILES]
 PSO = Pso(n=10, w=0.7, c1=1.5, c2=1.5)
 FA = Fa(n=6, beta0=0.9, gamma=1.3, alpha=0.2, damping=0.97)

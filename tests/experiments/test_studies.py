@@ -21,7 +21,7 @@ from navbench.experiments.tunings import run_tuning
 from navbench.records import CellKey
 from navbench.validation import DescriptionError
 
-RESULTS = Path(__file__).parents[1] / "results"
+RESULTS = Path(__file__).parents[2] / "results"
 COMMITTED = sorted(file.parent.name for file in RESULTS.glob("*/manifest.json"))
 KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look
 
@@ -211,7 +211,7 @@ WRONG = {
 @pytest.mark.parametrize("message", list(WRONG))
 def test_a_wrong_study_is_refused_in_one_line(message: str, tmp_path: Path) -> None:
     there, wrong = WRONG[message]
-    text = (Path(__file__).parents[1] / "conf/study/smoke.yaml").read_text()
+    text = (Path(__file__).parents[2] / "conf/study/smoke.yaml").read_text()
     assert there in text
     (tmp_path / "study").mkdir()
     (tmp_path / "study/wrong.yaml").write_text(text.replace(there, wrong))
@@ -222,7 +222,7 @@ def test_a_wrong_study_is_refused_in_one_line(message: str, tmp_path: Path) -> N
 
 
 def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[1] / "conf/study/smoke.yaml").read_text()
+    text = (Path(__file__).parents[2] / "conf/study/smoke.yaml").read_text()
     each = text[text.index("  - name: fair\n    label: S.F.L.C.") : text.index("claims:")]
     together = (
         "  - name: fair\n    controllers: {S.F.L.C.: [controller=sflc], untuned PID: [controller=pid]}\n"
@@ -243,7 +243,7 @@ def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path
     command.append("simulator=pybullet")
     done = subprocess.run([*command, "hydra.run.dir=tuned"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    committed = Path(__file__).parents[1] / "conf/controller/pso_pid.yaml"
+    committed = Path(__file__).parents[2] / "conf/controller/pso_pid.yaml"
     assert (tmp_path / "tuned/conf/controller/pso_pid.yaml").read_text() == committed.read_text()
     assert (tmp_path / "tuned/convergence.png").stat().st_size > 1000
     evaluations = Results(tmp_path / "tuned").evaluations()

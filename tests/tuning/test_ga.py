@@ -18,7 +18,7 @@ from navbench.tuning.search import Tuner, tune
 from navbench.tuning.space import Choice, Dimension, Side, space_of
 from navbench.tuning.swarms import Pso, Random
 
-FILE = Path(__file__).parents[1] / "conf" / "tuner" / "ga.yaml"
+FILE = Path(__file__).parents[2] / "conf" / "tuner" / "ga.yaml"
 VALUES = {key: value for key, value in yaml.safe_load(FILE.read_text())["build"].items() if key != "_target_"}
 GA = Ga(**VALUES)
 PSO = Pso(n=10, w=0.7, c1=1.5, c2=1.5)

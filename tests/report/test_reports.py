@@ -16,6 +16,7 @@ import pytest
 from stored import CROSSING, LIMIT_S, Fleet, a_cell, a_drive, a_record, store, told
 
 from navbench.analysis.stored import StoredResults
+from navbench.cli.configuration import compose_cell
 from navbench.controllers.aouf2019.sections import surface
 from navbench.controllers.aouf2019.sflc import RULES, Sflc
 from navbench.controllers.zhao2018.sections import rules_compared
@@ -660,9 +661,8 @@ def test_a_thinned_line_keeps_its_ends_and_its_shape() -> None:
 
 @pytest.fixture(scope="module")
 def described() -> dict[str, dict[str, list[Any]]]:
-    from test_aouf2019_controllers import make
-
-    controller: Sflc = make("sflc")
+    controller = compose_cell("controller=sflc", "world=deadlock").make_controller()
+    assert isinstance(controller, Sflc)
     return controller.describe()
 
 

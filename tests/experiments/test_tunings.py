@@ -19,7 +19,7 @@ from navbench.records import Outcome, RobotRecord
 from navbench.tuning.space import Choice, Dimension
 from navbench.validation import DescriptionError, describe
 
-CONF = Path(__file__).parents[1] / "conf"
+CONF = Path(__file__).parents[2] / "conf"
 NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 
 MODULE = '''
