@@ -56,6 +56,7 @@ class StoredResults:
         self.results = results
         self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
+        self._places: dict[str, Mapping[Any, Any]] = {}
         self._used = Used()
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -129,10 +130,12 @@ class StoredResults:
 
     def trajectory(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
         """Return the trajectory that belongs to a row of the table of episodes."""
-        trajectories = self.trajectories(row["run_id"])
-        trajectory: pd.DataFrame = trajectories[
-            (trajectories["episode"] == row["episode"]) & (trajectories["robot_index"] == row["robot_index"])
-        ]
+        run_id = row["run_id"]
+        trajectories = self.trajectories(run_id)
+        if run_id not in self._places:
+            self._places[run_id] = trajectories.groupby(["episode", "robot_index"]).indices
+        places = self._places[run_id].get((row["episode"], row["robot_index"]), [])
+        trajectory: pd.DataFrame = trajectories.iloc[places]
         return trajectory
 
     @property
