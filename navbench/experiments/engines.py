@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -150,6 +151,8 @@ def _executor(workers: int) -> Any:
     """Return what runs work in processes; they are kept for the next call."""
     from joblib.externals.loky import get_reusable_executor
 
+    # a process that holds much memory is replaced by a new one, and nothing is lost
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
     with _starting_processes():
         return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(),))
 
