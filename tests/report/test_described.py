@@ -13,7 +13,6 @@ from navbench.analysis.stored import StoredResults
 from navbench.controllers.lei2014.sections import surface_2d
 from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
 from navbench.experiments.store import Results
-from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.report import page
 from navbench.report.outcomes import robustness
@@ -100,12 +99,14 @@ def test_a_surface_has_the_one_column_to_the_right_and_the_other_upwards(
 
 
 def test_described_rows_are_counted(reading: StoredResults) -> None:
-    def count(**where: Any) -> Estimate | None:
-        return measure(reading, f"{NEMEIKSIS2019}.described_count", {"table": "it-list", "where": where})
+    def count(**where: Any) -> tuple[float, int]:
+        found = measure(reading, f"{NEMEIKSIS2019}.described_count", {"table": "it-list", "where": where})
+        assert found is not None
+        return found.value, found.n
 
-    assert count(agent="wall") == (3.0, 3.0, 3.0, 5)
-    assert count(agent="wall", agrees=True) == (2.0, 2.0, 2.0, 5)
-    assert count(agent="floor") == (0.0, 0.0, 0.0, 5)
+    assert count(agent="wall") == (3.0, 5)
+    assert count(agent="wall", agrees=True) == (2.0, 5)
+    assert count(agent="floor") == (0.0, 5)
 
 
 def test_a_fleet_is_free_when_none_of_its_robots_touched_anything(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_the_table_and_the_report_say_how_many_layouts_could_not_be_drawn(
 ) -> None:
     text = told(summary, stored, tmp_path)
     assert SAID in text
-    assert "| printed | A | 0 | 1 of 2 |" in text
+    assert "| printed | A | ideal | 0 | 1 of 2 |" in text
     assert [row.split(":")[1].split()[0] for row in failures(stored.rows)] == ["collided"]
     print_tables(stored.results)
     printed = capsys.readouterr().out
