@@ -73,6 +73,6 @@ def test_a_composed_cell_names_its_factors_with_kinds_and_bounds() -> None:
     cell = compose_cell("controller=dual_layer", "world=lei_swap", "sensors=disc_tracker").key()
     found = {factor.name: (factor.kind, factor.bounds) for factor in factors_of([cell])}
     assert found["dual_layer.turn_max_radps"] == ("selected", (0.1, 1.0))
-    assert found["tracked.radius_m"] == ("assumed", (0.15, 0.35))
+    assert found["tracked.body"] == ("assumed", (0.15, 0.35))
     assert found["tracked.wheel_accel_max_mps2"] == ("assumed", (None, 1.0))
     assert "dual_layer.speed_max_mps" not in found
