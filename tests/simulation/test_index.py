@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from numba import typeof
 from scenes import a_ring, a_robot, a_world, starts
 
 from navbench.contract import Pose
@@ -13,6 +14,7 @@ from navbench.simulation.index import nearby
 from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.planar import PlanarSimulator
 from navbench.simulation.scene import Scene
+from navbench.world.grid import Grid
 from navbench.world.layout import DrawnWorld
 from navbench.world.shapes import Box, Disc, Mover, Point, Polygon
 
@@ -76,3 +78,11 @@ def test_an_episode_with_an_index_is_the_one_without_to_the_last_bit(monkeypatch
     monkeypatch.setattr(module, "MANY", 10**9)
     assert repr(indexed) == repr([driven(layout) for layout in layouts])
     assert sum(len(episode) < 900 for episode in indexed) > 2  # most end at a thing
+
+
+def test_the_arrays_of_all_scenes_have_the_same_types_which_direct_calls_do_not_check() -> None:
+    empty, some, many = a_world(), crowded(0, 10, 40.0), crowded(0, 300, 400.0)
+    gridded = a_world(grid=Grid.of(np.eye(20), 0.1, 3.0, 3.0))
+    assert {typeof(Scene(world, REACH_M).arrays) for world in (empty, some, many, gridded)} == {
+        typeof(Scene(empty).arrays)
+    }
