@@ -9,6 +9,7 @@ import os
 import platform
 import re
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -80,15 +81,16 @@ def main(arguments: list[str] | None = None, readme: Path = README) -> list[Tabl
         parser.error(f"section {unknown[0]}: must be one of {', '.join(SECTIONS)}")
     effort = QUICK if given.quick else Effort(given.rounds)
     kept = dict(re.findall(r"(?ms)^## (.*?)\n(.*?)(?=^## |\Z)", readme.read_text())) if readme.is_file() else {}
+    texts = {title: f"## {title}\n{body}" for title, body in kept.items()}
+    asked = [partial(SECTIONS[name], effort) for name in given.sections or SECTIONS]
+    asked += [partial(studies, given.studies)] if given.studies else []
     tables = []
-    for name in given.sections or SECTIONS:
-        tables.append(SECTIONS[name](effort))
+    for measure in asked:
+        tables.append(measure())
         print(tables[-1].markdown(), flush=True)
-    tables += [studies(given.studies)] if given.studies else []
-    if not given.quick:
-        texts = {title: f"## {title}\n{body}" for title, body in kept.items()}
-        texts |= {table.title: f"{table.markdown()}\nMeasured on {machine()}.\n\n" for table in tables}
-        readme.write_text("\n".join([HEAD, *texts.values()]).rstrip() + "\n")
+        texts[tables[-1].title] = f"{tables[-1].markdown()}\nMeasured on {machine()}.\n\n"
+        if not given.quick:  # what is measured is kept, should the rest be interrupted
+            readme.write_text("\n".join([HEAD, *texts.values()]).rstrip() + "\n")
     return tables
 
 
