@@ -33,7 +33,7 @@ class Claim:
         says: what is said, in our words.
         where: the paper's table, figure, equation or section.
         printed: the printed number with its unit and all its decimals, as ``37.10 s``; 0.30 means [0.295, 0.305).
-        within: set before the run, how far from it agrees: ``5 %`` of it, or a number in its unit.
+        within: how far from it agrees: ``5 %`` of it, or a number in its unit.
         compare: with "distribution" a printed single run is held against the cases of a median: it agrees if it lies
             in their central 90 %, and they are not testable where that is wider than the tolerance to both sides.
         holds: of a statement in how many cases it must hold, of a hypothesis on which side of a number.
