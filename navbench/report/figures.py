@@ -225,7 +225,7 @@ def draw_cell(
     handles = [
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
     ]
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.4, ncols=4, frameon=False)
     ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample, wrap=True)
 
 
