@@ -43,6 +43,8 @@ def test_act_is_one_step_of_the_policy_and_shows_its_trace() -> None:
     assert controller.trace == {"count": 2.0, "sum": 22.0}
     controller.reset(SETUP, np.random.default_rng(0))
     assert controller.trace == {"count": 0.0, "sum": 0.0}
+    controller.act(observation())
+    assert controller.trace["count"] == 1.0, "an episode begins with what the one before remembered"
 
 
 def test_act_is_compiled_once_and_for_the_signature() -> None:
