@@ -61,7 +61,7 @@ def scaling(effort: Effort) -> Table:
 
 def workers(effort: Effort) -> Table:
     """Measure a run in one process and in two, on the clock on the wall."""
-    cell = compose_cell("controller=oa_to", "world=random_movers", f"episodes={effort.cut(400, 4)}")
+    cell = compose_cell("controller=oa_to", "world=random_movers", f"episodes={effort.cut(2000, 4)}")
 
     def by(count: int) -> Callable[[], float]:
         def run() -> float:

@@ -163,6 +163,18 @@ def check_claims(key: str, study: Mapping[str, Any], trust: bool = True, *, stor
     return asked
 
 
+def asked_by(claim: Claim, of: Mapping[str, Any] | None = None, key: str = "measure") -> dict[str, Any]:
+    """Return the arguments of a claim's measure, checked.
+
+    Args:
+        claim: the claim, which has a measure.
+        of: what that takes instead of the claim's own.
+        key: where it stands, for the error message.
+    """
+    of = of if of is not None else claim.of or {}
+    return arguments(check_measure(key, claim.measure or "", of, trust=True), of)
+
+
 def _kind(place: str, table: str, claim: Claim) -> str:
     """Return the kind of what stands in a table, after checking that it may."""
     hypothesis = claim.threshold is not None

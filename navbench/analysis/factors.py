@@ -7,7 +7,7 @@ end.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from navbench.records import CellKey
@@ -22,15 +22,16 @@ class Factor:
     """What varies together.
 
     Attributes:
-        name: of its thing and its value, as "sflc.behaviors.unsafe_m", or of its thing and its group.
+        name: of its first thing and its value, as "sflc.behaviors.unsafe_m", or of its first thing and its group.
         part: of which part of a cell it is, such as "controller".
-        thing: what that part is called, such as "sflc"; the factor moves it alone.
+        things: what that part is called, such as "sflc"; the factor moves these alone. Controllers of which a value
+            has the same source share one: a paper has it once.
         members: the sources of its values, by their dotted places in the part.
     """
 
     name: str
     part: str
-    thing: str
+    things: tuple[str, ...]
     members: Mapping[str, Source]
 
     @property
@@ -56,8 +57,14 @@ def factors_of(cells: Iterable[CellKey]) -> list[Factor]:
                 if source.range or source.choices:
                     name = f"{thing}.{source.group or key.removeprefix('build.')}"
                     members = found[name].members if name in found else {}
-                    found[name] = Factor(name, part, thing, {**members, key: source})
-    return list(found.values())
+                    found[name] = Factor(name, part, (thing,), {**members, key: source})
+    joined: dict[str, Factor] = {}
+    for factor in found.values():
+        alone = factor.name if factor.part != "controller" else ""
+        first = joined.setdefault(repr((factor.members, alone)), factor)
+        if first is not factor:
+            joined[repr((factor.members, alone))] = replace(first, things=(*first.things, *factor.things))
+    return list(joined.values())
 
 
 def apply(factor: Factor, u: float, configuration: Mapping[str, Any]) -> dict[str, Any]:

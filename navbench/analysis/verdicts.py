@@ -1,6 +1,7 @@
 """Verdicts: what is claimed held against what was measured."""
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navbench.analysis.claims import Claim, Entry, entries
@@ -108,22 +109,30 @@ def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
 
 
 def _measured(stored: StoredResults, claim: Claim, trust: bool) -> Measured:
-    def asked(of: Any) -> Estimate | None:
-        return _figure(claim, measure(stored, claim.measure or "", of, trust=trust))
-
     with stored.noting() as used:
         if claim.measure is None:
             return Measured(None, 0.0, {}, used)
         try:
-            figure = asked(claim.of or {})
-            plausible = {what: asked(of) for what, of in claim.variants()}
-            return Measured(figure, _margin(stored, claim, trust), plausible, used)
+            figure = figure_of(stored, claim, claim.of or {}, trust=trust)
+            plausible = {what: figure_of(stored, claim, of, trust=trust) for what, of in claim.variants()}
+            return Measured(figure, margin_of(stored, claim, trust=trust), plausible, used)
         except MeasureError as error:
             return Measured(None, 0.0, {}, used, f"{FAILED}{error}")
 
 
-def _figure(claim: Claim, found: Estimate | None) -> Estimate | None:
-    """Return what was measured; of a distribution with the limits of its central cases."""
+def figure_of(stored: StoredResults, claim: Claim, of: Mapping[str, Any], *, trust: bool) -> Estimate | None:
+    """Return what is measured of a claim, of a distribution with the limits of its central cases; None without a case.
+
+    Args:
+        stored: the results.
+        claim: the claim, which has a measure.
+        of: what that takes, and the cells: the claim's own, or what else is plausible.
+        trust: whether the measure may lie outside ``navbench``.
+
+    Raises:
+        MeasureError: the measure fails, or has no distribution to compare with.
+    """
+    found = measure(stored, claim.measure or "", of, trust=trust)
     if claim.compare is None or found is None:
         return found
     if not isinstance(found, Distribution):
@@ -154,8 +163,8 @@ def verdicts_in(table: "pd.DataFrame") -> tuple[str, ...]:
     return (*(VERDICTS[-1:] if len(own) and own.all() else VERDICTS), *(HYPOTHESIS_VERDICTS if own.any() else ()))
 
 
-def _margin(stored: StoredResults, claim: Claim, trust: bool) -> float:
-    """Return what makes no difference, in the unit of what is measured."""
+def margin_of(stored: StoredResults, claim: Claim, *, trust: bool) -> float:
+    """Return what makes no difference to a claim, in the unit of what is measured."""
     if claim.practically_equal is None or claim.measure is None:
         return 0.0
     size, unit = quantity("practically_equal", claim.practically_equal)

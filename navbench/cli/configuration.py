@@ -58,7 +58,7 @@ def cell_of(run: Composed) -> Cell:
     groups = {name: without(group, "sources") for name, group in groups.items()}
     controller = groups["controller"]
     check_keys(controller, "controller", ("build", "native", "sources", "tunable", "repair"))
-    native, robot_drawn_for = _native(controller.get("native"))
+    native, robot_drawn_for = native_of(controller.get("native"))
     if native is not None:
         controller["native"] = {**controller["native"], "robot": robot_drawn_for}
     groups["controller"] = without(controller, "tunable", "repair")  # they are a tuning's
@@ -142,7 +142,7 @@ def without(values: Mapping[str, Any], *keys: str) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key not in keys}
 
 
-def _native(values: Any) -> tuple[Native | None, dict[str, Any]]:
+def native_of(values: Any) -> tuple[Native | None, dict[str, Any]]:
     """Return what a controller was drawn for, or None where it does not say, and that robot's plain values."""
     if values is None:
         return None, {}

@@ -18,6 +18,7 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench tune controller=pid tuner=pso world=no_deadlock
                                                     search a controller's parameters for the least cost
   navbench study aouf2019                           reproduce a paper, number beside number, into results/aouf2019
+  navbench multiverse aouf2019                      ask its claims in many reconstructions of what the paper leaves open
   navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, and run nothing
   navbench report join=results                      join the reports in that directory into its README.md
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
@@ -38,12 +39,12 @@ options
   -m, --multirun                                    sweep over comma-separated values
   --config-dir DIR                                  add your own controllers, worlds and robots
   --cfg job                                         print the composed configuration and run nothing
-  --version, -h, --help                             also after tune, study and report
+  --version, -h, --help                             also after tune, study, multiverse and report
 
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
-VERBS = ("list", "tune", "study", "report")
+VERBS = ("list", "tune", "study", "multiverse", "report")
 
 
 def main() -> None:

@@ -10,7 +10,8 @@ from hydra.errors import HydraException
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from navbench.analysis.claims import TABLES, check_claims
+from navbench.analysis.claims import TABLES, asked_by, check_claims, entries
+from navbench.analysis.multiverse import conditions, multiverse_of
 from navbench.cli.building import made
 from navbench.cli.catalogue import CONF
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
@@ -99,6 +100,7 @@ class StudyFile:
         claims: what a paper prints, to hold the results against, or the study's own hypotheses: ``Claim``s by ids.
         checks: what holds by construction, in the same form.
         questions: what no paper claims, likewise.
+        multiverse: which reconstructions of the paper count, see ``navbench.analysis.multiverse``.
         report: the report's sections, in order: each one's name (of ``navbench.report.sections``, or dotted), or a
             mapping with its ``name`` and its arguments.
     """
@@ -110,6 +112,7 @@ class StudyFile:
     claims: Mapping[str, Mapping[str, Any]] | None = None
     checks: Mapping[str, Mapping[str, Any]] | None = None
     questions: Mapping[str, Mapping[str, Any]] | None = None
+    multiverse: Mapping[str, Any] | None = None
     report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
@@ -151,7 +154,10 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
                 raise DescriptionError(f"study/{name}.cells[{i}].tuning={spec.tuning}: unknown; {allowed}")
             own = [tuning for tuning in tunings if tuning.name == spec.tuning]
             cells += _cells(f"study/{name}.cells[{i}]", spec, composer, own)
-    content = {key: values.get(key) for key in ("title", "summary", *TABLES, "report")}
+    content = {key: values.get(key) for key in ("title", "summary", *TABLES, "multiverse", "report")}
+    if values.get("multiverse"):
+        told = multiverse_of({"name": name, **content}, entries("", content))
+        asked["multiverse"] = {entry.name: asked_by(entry.claim) for entry in conditions({"name": name}, told)}
     content |= {} if config_dir is None else {"config_dir": str(config_dir)}
     check_references(f"study/{name}", {**asked, "report": values.get("report")}, cells)
     check_chosen(name, values, [*cells, *tunings], [CONF, *([Path(config_dir)] if config_dir else [])])

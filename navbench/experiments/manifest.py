@@ -27,7 +27,7 @@ def manifest_of(
         "schema_version": SCHEMA_VERSION,
         "study": study,
         "planned": planned or {"episodes": sum(cell.episodes for cell in cells)},
-        "cells": [_described(cell) for cell in cells],
+        "cells": [described(cell) for cell in cells],
         "tunings": [{**key._asdict(), "worlds": list(key.worlds)} for key in tunings],
         "versions": {name: version(name) for name in sorted({*PACKAGES, *(p for c in cells for p in c.packages)})},
         "metrics": [_plain(metric) for metric in dict.fromkeys(m for cell in cells for m in cell.metrics)],
@@ -58,7 +58,8 @@ def is_other_work(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
     return mine != others or bool(old["tunings"] != new["tunings"])
 
 
-def _described(cell: CellKey) -> dict[str, Any]:
+def described(cell: CellKey) -> dict[str, Any]:
+    """Return what a manifest says of a cell."""
     values = cell._asdict()
     names: Names = values.pop("names")
     for name in ("packages", "metrics"):  # they stand once for all cells

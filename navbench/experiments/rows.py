@@ -17,7 +17,14 @@ def episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], lay
     """Return how the episodes of (episode, record) pairs ended, and in which layouts: a row a robot and episode."""
     import pyarrow as pa
 
-    rows = [
+    return pa.Table.from_pylist(episode_rows(cell, records, layouts))
+
+
+def episode_rows(
+    cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]
+) -> list[dict[str, Any]]:
+    """Return the rows of ``episode_table``."""
+    return [
         {
             "run_id": cell.run_id,
             **cell.names._asdict(),
@@ -35,7 +42,6 @@ def episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], lay
         }
         for episode, record in records
     ]
-    return pa.Table.from_pylist(rows)
 
 
 def trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":

@@ -1,0 +1,82 @@
+"""A study's multiverse: its claims in many reconstructions of what its paper leaves open."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from navbench.cli.catalogue import CONF, files_of
+from navbench.cli.words import sort_words
+from navbench.validation import DescriptionError, instead
+
+HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of what its paper leaves open
+
+  n=16384                                           how many reconstructions are drawn
+  decide=1024                                       in how many each factor is moved alone, to see what decides
+  seed=0                                            of all draws
+  workers=N                                         processes; default one a core
+  tuned=DIR                                         the study's results, for what its tunings found
+  out=DIR                                           where the reconstructions are kept; default outputs/multiverse/STUDY
+  resume=other-code                                 go on with what was run before navbench or a controller was changed
+  --config-dir DIR                                  a folder with further studies, controllers, worlds and robots
+
+The prior is written before the first reconstruction; the same command goes on where an earlier one was stopped, also
+with more of them. What is found is written into results/STUDY/multiverse.
+"""
+NUMBERS = {"n": 16384, "decide": 1024, "seed": 0}
+KEYS = (*NUMBERS, "workers", "tuned", "out")
+
+
+def multiverse(arguments: Sequence[str]) -> int:
+    """Run the reconstructions that are missing, and write what they say."""
+    words = sort_words(arguments)
+    known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
+    if len(words.names) != 1 or words.names[0] not in known:
+        given = " ".join(["multiverse", *words.names])
+        raise DescriptionError(f"{given}: name one study; {instead(given[11:], known, 'there are')}")
+    name, options = words.names[0], _options(words.overrides)
+    from navbench.cli.prior import prior_of, reconstructions_of
+    from navbench.cli.progress import complain, progress
+    from navbench.cli.sampling import BLOCKS, blocks_of
+    from navbench.experiments.engines import run
+    from navbench.experiments.samples import Samples
+
+    tuned = Path(options["tuned"] or f"outputs/study/{name}")
+    samples = Samples(Path(options["out"] or f"outputs/multiverse/{name}"))
+    of = reconstructions_of(name, tuned, words.config_dir)
+    samples.begin(prior_of(of, options["seed"]), other_code=words.other_code)
+    blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
+    todo = [block for block in blocks if not samples.has(block.name)]
+    total, done = sum(block.count for block in blocks), sum(block.count for block in blocks if block not in todo)
+    try:
+        with progress() as told:
+            for index, columns in run(BLOCKS, todo, "local", options["workers"]):
+                samples.write(todo[index].name, columns)
+                done += todo[index].count
+                told("reconstructions", done, total)
+    except KeyboardInterrupt:
+        again = shlex.join(["navbench", "multiverse", *arguments])
+        complain(f"interrupted after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
+        return 130
+    return 0
+
+
+def _options(overrides: Sequence[str]) -> dict[str, Any]:
+    from navbench.cli.sampling import SCRAMBLES
+
+    options: dict[str, Any] = {**NUMBERS, "workers": None, "tuned": None, "out": None}
+    for word in overrides:
+        key, _, value = word.partition("=")
+        if key not in KEYS:
+            raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with a multiverse')}")
+        if key in ("tuned", "out"):
+            options[key] = value
+            continue
+        least = 1 if key == "workers" else 0
+        if not (value.isdecimal() and int(value) >= least):
+            raise DescriptionError(f"{word}: must be a whole number of at least {least}")
+        options[key] = int(value)
+    for key in ("n", "decide"):
+        if options[key] % SCRAMBLES:
+            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {SCRAMBLES}, the scrambles")
+    return options

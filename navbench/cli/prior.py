@@ -1,0 +1,200 @@
+"""From a study to its reconstructions: which cells its claims use, and what of them its paper leaves open."""
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from navbench.analysis.claims import Entry, asked_by, entries
+from navbench.analysis.factors import Factor, factors_of
+from navbench.analysis.multiverse import conditions, multiverse_of
+from navbench.cli.composing import composing
+from navbench.cli.configuration import cell_of
+from navbench.cli.reconstructions import Choice, Drawn, Part, Reconstructions
+from navbench.cli.references import COLUMNS, SELECTIONS
+from navbench.cli.study_configuration import compose_study
+from navbench.experiments.cells import Cell, digest
+from navbench.experiments.code import code_of, roots_of
+from navbench.experiments.running import best_of
+from navbench.experiments.store import Results, ResultsError, tuning_name
+from navbench.experiments.tunings import Tuning
+
+SIMULATOR = "planar"  # in which all reconstructions run
+CLAIMS = ("claim", "hypothesis")
+
+
+def reconstructions_of(
+    study: str, tuned: Path, config_dir: str | Path | None = None, episodes: tuple[int, int] = (5, 10)
+) -> Reconstructions:
+    """Return the reconstructions of a study.
+
+    Args:
+        study: its name.
+        tuned: the study's results, with what its tunings found.
+        config_dir: as after ``--config-dir``.
+        episodes: of a cell at first, and at most.
+
+    Raises:
+        DescriptionError: as ``compose_study``; or a tuning is not there.
+    """
+    plan = compose_study(study, config_dir)
+    content = dict(plan.study or {})
+    told = [entry for entry in entries("", content) if entry.kind in CLAIMS]
+    claims = [*conditions(content, multiverse_of(content, told)), *(entry for entry in told if entry.claim.measure)]
+    cells = _in_planar(plan.cells, config_dir)
+    uses = [_uses(entry, cells) for entry in claims]
+    needed = sorted({k for used in uses for k in used})
+    cells = [cells[k] for k in needed]
+    places = {k: i for i, k in enumerate(needed)}
+    factors = factors_of(cell.key() for cell in cells)
+    base = _base(cells, config_dir)
+    parts: dict[str, Part] = {}
+    drawn = []
+    for cell in cells:
+        own = [_part(part, thing, cell, factors, base) for part, thing in cell.names._asdict().items()]
+        keys = [digest([part.part, part.thing, part.configuration, sorted(part.own)]) for part in own]
+        parts |= dict(zip(keys, own, strict=True))
+        drawn.append((cell, keys))
+    order = {key: i for i, key in enumerate(parts)}
+    gains = _gains(plan.tunings, {cell.tuning for cell in cells}, Results(tuned))
+    return Reconstructions(
+        study={key: content[key] for key in ("name", "title")},
+        cells=tuple(Drawn(cell, tuple(order[key] for key in keys), gains.get(cell.tuning, {})) for cell, keys in drawn),
+        parts=tuple(parts.values()),
+        factors=tuple(factors),
+        choices=tuple(_choices(gains, claims)),
+        claims=tuple(claims),
+        uses=tuple(frozenset(places[k] for k in used) for used in uses),
+        episodes=episodes,
+    )
+
+
+def prior_of(of: Reconstructions, seed: int) -> dict[str, Any]:
+    """Return all that decides what is drawn and asked, as plain values.
+
+    Args:
+        of: the reconstructions.
+        seed: of their draws.
+    """
+    modules = code_of({root for one in of.cells for root in roots_of(one.cell.configuration)})
+    return {
+        "study": of.study["name"],
+        "seed": seed,
+        "episodes": list(of.episodes),
+        "simulator": SIMULATOR,
+        "factors": [
+            {"name": factor.name, "things": list(factor.things), "of": _plain_members(factor)} for factor in of.factors
+        ],
+        "choices": [{"name": choice.name, "values": list(choice.values)} for choice in of.choices],
+        "claims": {entry.name: _plain_claim(entry) for entry in of.claims},
+        "cells": digest([one.cell.key().config_hash for one in of.cells]),
+        "code": digest(modules),
+    }
+
+
+def _plain_members(factor: Factor) -> dict[str, Any]:
+    """Return between what a factor's values are drawn, and how they move."""
+    told = ("range", "choices", "apply", "scale", "tie")
+    members = {key: {word: getattr(source, word) for word in told} for key, source in factor.members.items()}
+    plain: dict[str, Any] = json.loads(json.dumps(members))
+    return {key: {word: value for word, value in of.items() if value} for key, of in plain.items()}
+
+
+def _plain_claim(entry: Entry) -> dict[str, Any]:
+    claim = entry.claim
+    words = ("printed", "within", "compare", "holds", "measure", "of")
+    return {word: getattr(claim, word) for word in words if getattr(claim, word) is not None}
+
+
+def _gains(tunings: Iterable[Tuning], wanted: Collection[str], results: Results) -> dict[str, dict[int, Any]]:
+    """Return for each tuning that is wanted what each of its seeds found, as these results hold it.
+
+    Raises:
+        ResultsError: one of them is not there.
+    """
+    found: dict[str, dict[int, Any]] = {}
+    for tuning in tunings:
+        if tuning.name in wanted:
+            if not results.has("evaluations", tuning_name(tuning.key())):
+                raise ResultsError(
+                    f"{results.path}: has no tuning {tuning.name}, seed {tuning.seed}; run the study first"
+                )
+            found.setdefault(tuning.name, {})[tuning.seed] = best_of(results, tuning)[2]
+    return found
+
+
+def _choices(gains: Mapping[str, Mapping[int, Any]], claims: Iterable[Entry]) -> Iterator[Choice]:
+    """Yield the factors that are no source's; all tunings share one, so that those of one seed stay together."""
+    seeds = tuple(sorted({seed for of in gains.values() for seed in of}))
+    if len(seeds) > 1:
+        yield Choice("tunings.seed", "", "seed", seeds)
+    for name, _, claim in claims:
+        for word, values in (claim.plausible or {}).items():
+            yield Choice(f"{name}.{word}", name, word, ((claim.of or {}).get(word), *values))
+
+
+def _in_planar(cells: Iterable[Cell], config_dir: str | Path | None) -> list[Cell]:
+    """Return cells in the simulator of reconstructions; of those that differ in their tuning's seed alone the first."""
+    with composing(config_dir) as composer:
+        planar = cell_of(composer.values("run", [f"simulator={SIMULATOR}"]))
+    found: dict[tuple[Any, ...], Cell] = {}
+    for cell in cells:
+        options = {**planar.configuration["simulator"]}
+        options |= {key: value for key, value in cell.configuration["simulator"].items() if key != "_target_"}
+        moved = replace(
+            cell,
+            names=cell.names._replace(simulator=SIMULATOR),
+            configuration={**cell.configuration, "simulator": options},
+            sources={**cell.sources, "simulator": planar.sources["simulator"] if options["drive"] == "limited" else {}},
+            simulator=planar.simulator,
+        )
+        key = moved.key()
+        found.setdefault((key.name, key.label, key.run_id, key.tuning, moved.indices), moved)
+    return list(found.values())
+
+
+def _uses(entry: Entry, cells: Sequence[Cell]) -> set[int]:
+    """Return the places of the cells that a claim's measure selects, also with what else is plausible."""
+    claim = entry.claim
+    found: set[int] = set()
+    for of in [claim.of or {}, *(of for _, of in claim.variants())]:
+        asked = asked_by(claim, of)
+        selections = [asked[word] for word in SELECTIONS if isinstance(asked.get(word), Mapping)]
+        for table in (asked[word] for word in ("table", "other") if word in asked):
+            selections.append({"controller": str(table).rpartition("-")[0]})
+        for selection in selections:
+            found |= {k for k, cell in enumerate(cells) if _matches(cell, selection)}
+    return found
+
+
+def _matches(cell: Cell, selection: Mapping[str, Any]) -> bool:
+    key = cell.key()
+    row = {**key._asdict(), **key.names._asdict()}
+    wanted = {word: value if isinstance(value, list | tuple) else [value] for word, value in selection.items()}
+    return all(row[word] in values for word, values in wanted.items() if word in COLUMNS and word != "simulator")
+
+
+def _base(cells: Iterable[Cell], config_dir: str | Path | None) -> dict[tuple[str, str], Mapping[str, Any]]:
+    """Return each thing's own configuration, without any cell's overrides."""
+    things = dict.fromkeys((part, thing) for cell in cells for part, thing in cell.names._asdict().items())
+    with composing(config_dir) as composer:
+        return {(part, thing): composer.values("run", [f"{part}={thing}"]).values[part] for part, thing in things}
+
+
+def _part(
+    part: str, thing: str, cell: Cell, factors: Sequence[Factor], base: Mapping[tuple[str, str], Mapping[str, Any]]
+) -> Part:
+    configuration = cell.configuration[part]
+    moving = tuple(i for i, factor in enumerate(factors) if factor.part == part and thing in factor.things)
+    leaves = dict(_leaves(part, base[part, thing]))
+    own = {place for place, value in _leaves(part, configuration) if place in leaves and leaves[place] != value}
+    return Part(part, thing, configuration, moving, frozenset(own))
+
+
+def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(f"{place}.{name}", inner)
+    else:
+        yield place, value

@@ -1,0 +1,334 @@
+"""Reconstructions: a study's cells as another reader might have rebuilt them, and what its claims say of each.
+
+A point u in [0, 1]^d stands for one reconstruction: a coordinate for each factor of the cells, for the seed of each
+tuning whose parameters they take, and for each argument of a claim's measure of which more than one value is
+plausible. A value that a cell's own overrides set is that cell's purpose, and stays.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.analysis.claims import Claim, Entry
+from navbench.analysis.factors import Factor, apply
+from navbench.analysis.measuring import MeasureError
+from navbench.analysis.verdicts import figure_of, verdict
+from navbench.cli.configuration import native_of, without
+from navbench.cli.sample import Sample
+from navbench.cli.worlds import world_of
+from navbench.episode.loop import EpisodeRunner
+from navbench.experiments.cells import Cell
+from navbench.mathematics.statistics import Estimate
+from navbench.records import RobotRecord
+from navbench.robot import Robot
+from navbench.sensors import Sensors
+from navbench.simulation.options import SimulatorOptions
+from navbench.validation import DescriptionError, describe
+
+HOLDS, FAILS, PARTLY, CHAOTIC, UNKNOWN = 1, 0, 2, 3, -1  # a claim in one reconstruction
+CODES = {"reproduced": HOLDS, "partly": PARTLY, "not_testable": CHAOTIC}
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A factor that is no source's: the seed of a tuning, or what a claim's measure might plausibly take.
+
+    Attributes:
+        name: such as "pso.seed" or "slows.within_s".
+        of: the claim's name; empty of tunings.
+        word: "seed", or the argument.
+        values: what it may be, the nominal one first.
+    """
+
+    name: str
+    of: str
+    word: str
+    values: tuple[Any, ...]
+
+    def at(self, u: float) -> Any:
+        """Return what it is at a place in [0, 1]."""
+        return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
+
+
+class Part(NamedTuple):
+    """A part of cells: the configuration of a controller, world, robot, sensor suite or simulator.
+
+    Attributes:
+        part: which of these.
+        thing: what it is called, such as "sflc".
+        configuration: its plain values.
+        factors: the places among all dimensions of those that move it.
+        own: the dotted places of the values that its cells' overrides set.
+    """
+
+    part: str
+    thing: str
+    configuration: Mapping[str, Any]
+    factors: tuple[int, ...]
+    own: frozenset[str]
+
+
+class Drawn(NamedTuple):
+    """A cell that is drawn anew in each reconstruction.
+
+    Attributes:
+        cell: as its study has it; of a tuned one with its controller's own parameters.
+        parts: the places of its parts.
+        gains: for each seed of its tuning the parameters that it takes from it.
+    """
+
+    cell: Cell
+    parts: tuple[int, ...]
+    gains: Mapping[int, Mapping[str, Any]]
+
+
+class Told(NamedTuple):
+    """What the claims say of one reconstruction, in their order.
+
+    Attributes:
+        codes: (n,) HOLDS, FAILS, PARTLY, CHAOTIC, or UNKNOWN without a case.
+        values: (n,) what was measured.
+        counts: (n,) over how many cases.
+        episodes: how many were run.
+        steps: of all robots.
+        possible: whether such cells can be made; without, no claim has a case.
+    """
+
+    codes: NDArray[np.int8]
+    values: NDArray[np.float64]
+    counts: NDArray[np.int32]
+    episodes: int
+    steps: int
+    possible: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reconstructions:
+    """All reconstructions of a study, ready to be run one by one.
+
+    Attributes:
+        study: its name, title and claims as plain values.
+        cells: those that its claims use.
+        parts: of these cells.
+        factors: of these parts.
+        choices: further ones, after the factors.
+        claims: what is asked of each reconstruction.
+        uses: for each claim the places of its cells.
+        episodes: how many a cell runs at first, and how many at most where a claim is not decided by these.
+    """
+
+    study: Mapping[str, Any]
+    cells: tuple[Drawn, ...]
+    parts: tuple[Part, ...]
+    factors: tuple[Factor, ...]
+    choices: tuple[Choice, ...]
+    claims: tuple[Entry, ...]
+    uses: tuple[frozenset[int], ...]
+    episodes: tuple[int, int]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all dimensions, factors first."""
+        return [*(factor.name for factor in self.factors), *(choice.name for choice in self.choices)]
+
+    @cached_property
+    def touched(self) -> list[tuple[frozenset[int], frozenset[int]]]:
+        """For each dimension the places of the cells that it moves, and of the claims that it may change."""
+        found = []
+        for i in range(len(self.factors)):
+            cells = {k for k, one in enumerate(self.cells) if any(i in self.parts[p].factors for p in one.parts)}
+            found.append((frozenset(cells), self._using(cells)))
+        for choice in self.choices:
+            tuned = set() if choice.of else {k for k, one in enumerate(self.cells) if one.cell.tuning}
+            own = {k for k, entry in enumerate(self.claims) if entry.name == choice.of}
+            found.append((frozenset(tuned), self._using(tuned) | own))
+        return found
+
+    def _using(self, cells: set[int]) -> frozenset[int]:
+        return frozenset(k for k, used in enumerate(self.uses) if used & cells)
+
+    def tell(self, u: NDArray[np.float64] | None) -> Told:
+        """Run a reconstruction and return what the claims say of it.
+
+        Args:
+            u: (d,) where it lies in the range of each dimension; None for the study's own.
+        """
+        return _Run(self, u).tell(range(len(self.claims)))
+
+    def nothing(self, *, possible: bool) -> Told:
+        """Return that the claims say nothing."""
+        count = len(self.claims)
+        return Told(np.full(count, UNKNOWN, np.int8), np.full(count, np.nan), np.zeros(count, np.int32), 0, 0, possible)
+
+    def unmeasured(self) -> dict[str, str]:
+        """Return why some claims cannot be measured of the study's own reconstruction, by their names."""
+        run = _Run(self, None)
+        run.tell(range(len(self.claims)))
+        return run.errors
+
+    def tell_changed(self, u: NDArray[np.float64], others: NDArray[np.float64]) -> Iterator[tuple[int, Told]]:
+        """Run a reconstruction, and again with each dimension moved alone; yield (-1, all) and then (dimension, Told).
+
+        What a dimension cannot change is not run again, and its codes are those of the first.
+
+        Args:
+            u: (d,) where it lies.
+            others: (d,) to where each dimension is moved.
+        """
+        first = _Run(self, u)
+        told = first.tell(range(len(self.claims)))
+        yield -1, told
+        for i, (cells, claims) in enumerate(self.touched):
+            moved = u.copy()
+            moved[i] = others[i]
+            again = _Run(self, moved, {k: run for k, run in first.runs.items() if k not in cells})
+            changed = again.tell(sorted(claims))
+            for mine, theirs in zip(changed[:3], told[:3], strict=True):
+                untouched = [k for k in range(len(self.claims)) if k not in claims]
+                mine[untouched] = theirs[untouched]
+            yield i, changed
+
+
+@dataclass(slots=True)
+class _CellRun:
+    """The episodes of one cell in one reconstruction."""
+
+    cell: Cell
+    records: list[list[tuple[int, RobotRecord]]] = field(default_factory=list)
+    runner: EpisodeRunner | None = None
+
+    def extend(self, count: int) -> list[RobotRecord]:
+        """Run episodes until there are so many, as far as the cell has them; return what the new ones left."""
+        runner = self.runner = self.runner or self.cell.runner()
+        new = [[(episode, record) for record in runner.run(episode)] for episode in self._todo(count)]
+        self.records += new
+        return [record for episode in new for _, record in episode]
+
+    def _todo(self, count: int) -> range:
+        return self.cell.indices[len(self.records) : count]
+
+
+class _Run:
+    """One reconstruction under way."""
+
+    def __init__(
+        self, of: Reconstructions, u: NDArray[np.float64] | None, runs: Mapping[int, _CellRun] | None = None
+    ) -> None:
+        self.of, self.u = of, u
+        self.runs: dict[int, _CellRun] = dict(runs or {})
+        self.errors: dict[str, str] = {}  # why a claim could not be measured, by its name
+        self._made: dict[int, Any] = {}
+        self.episodes = self.steps = 0
+
+    def tell(self, claims: Sequence[int]) -> Told:
+        """Return what some claims say; where no such cells can be made, as of a robot in a wall, that they say nothing."""
+        try:
+            return self._tell(claims)
+        except DescriptionError:
+            return self.of.nothing(possible=False)
+
+    def _tell(self, claims: Sequence[int]) -> Told:
+        of = self.of
+        told = of.nothing(possible=True)
+        open_claims, before = list(claims), 0
+        for size in of.episodes:
+            open_claims = [k for k in open_claims if any(of.cells[i].cell.episodes > before for i in of.uses[k])]
+            for index in sorted({i for k in open_claims for i in of.uses[k]}):
+                self._extend(index, size)
+            there = [(run.cell, [pair for one in run.records[:size] for pair in one]) for run in self.runs.values()]
+            sample = Sample(of.study, there)
+            open_claims, before = [k for k in open_claims if not self._judge(sample, k, told)], size
+        return told._replace(episodes=self.episodes, steps=self.steps)
+
+    def _extend(self, index: int, size: int) -> None:
+        """Run a cell's episodes up to a size."""
+        if index not in self.runs:
+            self.runs[index] = _CellRun(self._cell(index))
+        records = self.runs[index].extend(size)
+        self.episodes += sum(record.robot_index == 0 for record in records)
+        self.steps += sum(len(record.states) - 1 for record in records)
+
+    def _judge(self, sample: Sample, index: int, told: Told) -> bool:
+        """Hold a claim against the sample, keep what it says, and return whether more episodes could hardly change it."""
+        entry = self.of.claims[index]
+        claim = entry.claim
+        try:
+            figure = figure_of(sample, claim, {**(claim.of or {}), **self._chosen(entry.name)}, trust=True)
+        except MeasureError as error:
+            self.errors[entry.name] = str(error)
+            return False
+        if figure is None:
+            return False
+        told.values[index], told.counts[index] = figure.value, figure.n
+        told.codes[index] = code = _code(claim, figure)
+        ends = (Estimate(end, end, end, figure.n) for end in (figure.low, figure.high) if math.isfinite(end))
+        return all(_code(claim, end) == code for end in ends)
+
+    def _cell(self, index: int) -> Cell:
+        """Return a cell as this reconstruction has it."""
+        drawn = self.of.cells[index]
+        cell = drawn.cell
+        made = dict(self._part(place) for place in drawn.parts)
+        configuration = {**cell.configuration, **{part: values for part, (values, _) in made.items()}}
+        cell = replace(
+            cell,
+            configuration=configuration,
+            native=made["controller"][1],
+            **{part: made[part][1] for part in ("world", "robot", "sensors")},
+            options=made["simulator"][1],
+        )
+        if cell.tuning:
+            seed = self._chosen("").get("seed", min(drawn.gains))
+            seed = seed if seed in drawn.gains else min(drawn.gains)
+            cell = replace(cell.with_parameters(drawn.gains[seed]), tuning_seed=seed)
+        return cell
+
+    def _chosen(self, of: str) -> dict[str, Any]:
+        """Return what was chosen for a claim, or of the tunings, by its word."""
+        if self.u is None:
+            return {}
+        places = zip(self.of.choices, self.u[len(self.of.factors) :], strict=True)
+        return {choice.word: choice.at(float(u)) for choice, u in places if choice.of == of}
+
+    def _part(self, index: int) -> tuple[str, tuple[Mapping[str, Any], Any]]:
+        """Return which part it is, its values as this reconstruction has them, and what they describe."""
+        if index not in self._made:
+            part, thing, configuration, factors, own = self.of.parts[index]
+            values: dict[str, Any] = dict(configuration)
+            for i in factors if self.u is not None else ():
+                assert self.u is not None
+                for place, value in apply(self.of.factors[i], float(self.u[i]), {part: configuration}).items():
+                    if place not in own:
+                        values = _with(values, place.split(".")[1:], value)
+            self._made[index] = (values, _described(part, thing, values))
+        return self.of.parts[index].part, self._made[index]
+
+
+def _code(claim: Claim, figure: Estimate) -> int:
+    """Return what a figure says of a claim; of a hypothesis the side on which it lies, for its cases are few."""
+    if claim.threshold is not None:
+        side, number = claim.threshold
+        return HOLDS if (figure.value < number if side == "below" else figure.value > number) else FAILS
+    return CODES.get(verdict(claim, figure)[0], FAILS)
+
+
+def _with(values: Mapping[str, Any], path: Sequence[str], value: Any) -> dict[str, Any]:
+    """Return a mapping with another value at a place."""
+    first, *rest = path
+    return {**values, first: _with(values[first], rest, value) if rest else value}
+
+
+def _described(part: str, thing: str, values: Mapping[str, Any]) -> Any:
+    """Return what a part's values describe; of a controller what it was drawn for."""
+    if part == "controller":
+        return native_of(values.get("native"))[0]
+    if part == "world":
+        return world_of(values, thing)[0]
+    if part == "simulator":
+        return describe(SimulatorOptions, without(values, "_target_"), part)
+    return describe({"robot": Robot, "sensors": Sensors}[part], values, part)

@@ -1,0 +1,73 @@
+"""The reconstructions of a multiverse on disk: its prior, written before the first of them, and a part a block."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from navbench.experiments.files import replacing
+from navbench.experiments.store import ResultsError, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PRIOR = "prior.json"
+
+
+class Samples:
+    """One directory of reconstructions.
+
+    Args:
+        path: the directory; it need not exist yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def begin(self, prior: Mapping[str, Any], *, other_code: bool = False) -> None:
+        """Write the prior, or see that it is the one by which earlier reconstructions were drawn.
+
+        Args:
+            prior: what is drawn and asked, as plain values, with the digest of the code under "code".
+            other_code: whether to go on with what other code made.
+
+        Raises:
+            ResultsError: the directory holds reconstructions of another prior, or that other code made.
+        """
+        file = self.path / PRIOR
+        if file.is_file():
+            old = json.loads(file.read_text(encoding="utf-8"))
+            here = "the reconstructions in it are kept; out= names another directory for new ones"
+            for key in prior:
+                if old.get(key) != prior[key] and not (key == "code" and other_code):
+                    raise ResultsError(f"{self.path}: was begun with other {key}; {here}")
+            return
+        write_table(file, json.dumps(prior, indent=1) + "\n")
+
+    def has(self, name: str) -> bool:
+        """Return whether a block is there."""
+        return (self.path / f"{name}.parquet").is_file()
+
+    def write(self, name: str, columns: Mapping[str, Any]) -> None:
+        """Write a block: columns of one length."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        with replacing(self.path / f"{name}.parquet") as temporary:
+            pq.write_table(pa.table(dict(columns)), temporary, compression="zstd")
+
+    def read(self, kind: str) -> "pd.DataFrame":
+        """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any."""
+        import pandas as pd
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        files = sorted(self.path.glob(f"{kind}-*.parquet"))
+        if not files:
+            return pd.DataFrame()
+        tables = []
+        for file in files:
+            with pq.ParquetFile(file) as opened:
+                tables.append(opened.read(use_threads=False))
+        frame: pd.DataFrame = pa.concat_tables(tables).to_pandas()
+        return frame.sort_values(["scramble", "index", "moved"], kind="stable", ignore_index=True)
