@@ -56,20 +56,20 @@ class Pair(NamedTuple):
 def mutual_information(y: BoolArray, x: FloatArray, *, bins: int = BINS) -> float:
     """Return what a factor tells about a verdict [bit], at most the verdict's entropy.
 
+    Where one verdict is rare (fewer than some 10 cases a bin), part of the bias is left: judge by ``information_null``.
+
     Args:
         y: (n,) verdicts.
         x: (n,) finite numbers, the factor's values or the points that they were drawn from.
         bins: how many equally probable bins, >= 1; a factor of no more distinct values has one bin for each.
     """
-    return float(_bits(_table(y, x, bins)))
+    return float(_bits(verdict_table(y, x, bins)))
 
 
 def information_null(
     y: BoolArray, x: FloatArray, rng: np.random.Generator, *, bins: int = BINS, permutations: int = PERMUTATIONS
 ) -> Null:
-    """Return ``mutual_information`` with its permutation null, in a fraction of the time of ``permutation_null``.
-
-    Permuted verdicts fall into the bins as balls drawn without replacement do, so that only the counts are drawn.
+    """Return ``mutual_information`` beside its permutation null, far sooner than ``permutation_null`` would.
 
     Args:
         y: (n,) verdicts.
@@ -78,11 +78,8 @@ def information_null(
         bins: as of ``mutual_information``.
         permutations: how many, >= 1.
     """
-    check_count("permutations", permutations)
-    table = _table(y, x, bins)
-    held = rng.multivariate_hypergeometric(table.sum(axis=1), table[:, 1].sum(), size=permutations)
-    drawn = _bits(np.stack([table.sum(axis=1) - held, held], axis=-1))
-    return beside(float(_bits(table)), drawn)
+    table = verdict_table(y, x, bins)
+    return beside(float(_bits(table)), _bits(permuted(table, rng, permutations)))
 
 
 def best_pair(y: BoolArray, factors: FloatArray, *, bins: int = PAIR_BINS) -> Pair:
@@ -127,6 +124,36 @@ def classes(x: FloatArray, bins: int) -> IntArray:
     return np.searchsorted(edges, values, side="right")
 
 
+def verdict_table(y: BoolArray, x: FloatArray, bins: int) -> IntArray:
+    """Return (bins, 2) how many verdicts of each class fail and hold; the last classes may be empty.
+
+    Args:
+        y: (n,) verdicts.
+        x: (n,) finite numbers.
+        bins: as of ``classes``.
+    """
+    held, column = checked("y", y, "b", 1), classes(x, bins)
+    if held.size != column.size:
+        raise ValueError(f"y and x must be equally long, not {held.size} and {column.size}")
+    return np.bincount(2 * column + held, minlength=2 * bins).reshape(bins, 2)
+
+
+def permuted(table: IntArray, rng: np.random.Generator, permutations: int) -> IntArray:
+    """Return (permutations, bins, 2) the tables of permuted verdicts.
+
+    These fall into the classes as balls drawn without replacement do, so that only the counts have to be drawn.
+
+    Args:
+        table: (bins, 2) how many verdicts of each class fail and hold.
+        rng: draws the permutations.
+        permutations: how many, >= 1.
+    """
+    check_count("permutations", permutations)
+    sizes = table.sum(axis=1)
+    held = rng.multivariate_hypergeometric(sizes, table[:, 1].sum(), size=permutations)
+    return np.stack([sizes - held, held], axis=-1)
+
+
 def beside(value: float, drawn: FloatArray) -> Null:
     """Return a statistic beside its null.
 
@@ -162,14 +189,6 @@ def check_count(name: str, count: int) -> None:
     """Raise ValueError unless a number is whole and at least 1."""
     if not isinstance(count, int | np.integer) or count < 1:
         raise ValueError(f"{name} must be a whole number of at least 1, not {count!r}")
-
-
-def _table(y: BoolArray, x: FloatArray, bins: int) -> IntArray:
-    """Return (bins, 2) how many of each class failed and held."""
-    held, column = checked("y", y, "b", 1), classes(x, bins)
-    if held.size != column.size:
-        raise ValueError(f"y and x must be equally long, not {held.size} and {column.size}")
-    return np.bincount(2 * column + held, minlength=2 * bins).reshape(bins, 2)
 
 
 def _bits(tables: IntArray) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from navbench.mathematics.information import best_pair, classes, information_null, mutual_information
+from navbench.mathematics.information import beside, best_pair, classes, information_null, mutual_information
 from navbench.mathematics.sensitivity import permutation_null
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -26,8 +26,12 @@ def entropy(p: float) -> float:
 # Classes
 
 
-def test_each_of_few_distinct_values_is_a_class() -> None:
-    assert classes(np.array([7.0, -1.0, 7.0, 2.0]), 3).tolist() == [2, 0, 2, 1]
+def test_each_of_few_distinct_values_is_a_class_however_rare() -> None:
+    assert classes(np.array([7.0, -1.0, 7.0, 2.0, 7.0, 7.0, 7.0, 7.0]), 3).tolist() == [2, 0, 2, 1, 2, 2, 2, 2]
+
+
+def test_one_value_too_many_leaves_no_class_beyond_the_last() -> None:
+    assert classes(np.array([1.0, 2.0, 3.0, 4.0]), 3).tolist() == [0, 1, 2, 2]
 
 
 def test_many_values_fall_into_equally_full_classes_in_their_order() -> None:
@@ -81,6 +85,7 @@ def test_an_irrelevant_factor_tells_next_to_nothing_where_plain_counts_tell_a_hu
     told = [mutual_information(rng.random(1024) < share, rng.random(1024)) for _ in range(200)]
     assert np.mean(told) < 0.0025
     assert np.median(told) < 0.001
+    assert min(told) == 0.0
 
 
 def test_an_irrelevant_factor_is_significant_in_one_of_twenty_samples() -> None:
@@ -98,6 +103,10 @@ def test_the_quick_null_is_that_of_permuted_verdicts() -> None:
     assert quick.value == slow.value == mutual_information(y, u[:, 0])
     assert quick.p95 == pytest.approx(slow.p95, rel=0.15)
     assert quick.p_value == pytest.approx(slow.p_value, abs=0.05)
+
+
+def test_a_permutation_that_is_less_by_rounding_alone_counts_as_equal() -> None:
+    assert beside(0.1 + 0.2, np.array([0.3, 0.1])).p_value == 2 / 3
 
 
 # Pairs

@@ -14,6 +14,7 @@ from navbench.mathematics.sensitivity import (
     Design,
     flip_probability,
     pawn,
+    pawn_null,
     permutation_null,
     rsa,
     saltelli,
@@ -79,6 +80,14 @@ def test_a_choice_between_two_changes_in_half_of_few_points_for_each_of_60_facto
     for seed in range(3):
         a, b = saltelli(base, 60, seed)
         assert ((a > 0.5) != (b > 0.5)).mean(axis=0) == pytest.approx(0.5, abs=1e-12)
+
+
+def test_each_seed_gives_the_bad_places_of_few_points_to_other_factors() -> None:
+    """Of 16 points, some of the first 30 pairs of dimensions change all choices between two, or none."""
+    designs = [saltelli(16, 30, seed) for seed in range(8)]
+    bad = [frozenset(np.flatnonzero(abs(((a > 0.5) != (b > 0.5)).mean(axis=0) - 0.5) > 0.4)) for a, b in designs]
+    assert all(bad)
+    assert len(set(bad)) > 4
 
 
 # Total effects and flips
@@ -235,6 +244,24 @@ def test_an_irrelevant_factor_is_significant_in_one_of_twenty_samples(statistic:
     ]
     assert 2 <= sum(null.p_value <= 0.05 for null in nulls) <= 18
     assert sum(null.value > null.p95 for null in nulls) <= 22
+
+
+def test_the_quick_null_of_pawn_is_that_of_permuted_verdicts() -> None:
+    u = sobol(2, 512)
+    y = u[:, 0] + 4.0 * u[:, 1] > 2.5
+    quick = pawn_null(u[:, 0], y, np.random.default_rng(0), permutations=4000)
+    slow = permutation_null(pawn, u[:, 0], y, np.random.default_rng(1), permutations=1000)
+    assert quick.value == slow.value == pawn(u[:, 0], y)
+    assert quick.p95 == pytest.approx(slow.p95, rel=0.05)
+    assert 0.05 < quick.p_value < 0.95
+    assert quick.p_value == pytest.approx(slow.p_value, abs=0.05)
+
+
+def test_a_null_of_a_factor_with_fewer_choices_than_slices_has_no_empty_slice() -> None:
+    choice = np.repeat([0.0, 1.0], 32)
+    null = pawn_null(choice, choice == 1.0, np.random.default_rng(0))
+    assert (null.value, null.p_value) == (0.5, 1 / 201)
+    assert null.p95 == pytest.approx(0.125, abs=0.04)
 
 
 # Bad input
