@@ -226,7 +226,7 @@ class _Run:
         self.episodes = self.steps = 0
 
     def tell(self, claims: Sequence[int]) -> Told:
-        """Return what some claims say; where no such cells can be made, as of a robot in a wall, that they say nothing."""
+        """Return what some claims say; where no such cells can be made, as of a robot in a wall, they say nothing."""
         try:
             return self._tell(claims)
         except DescriptionError:
@@ -254,7 +254,7 @@ class _Run:
         self.steps += sum(len(record.states) - 1 for record in records)
 
     def _judge(self, sample: Sample, index: int, told: Told) -> bool:
-        """Hold a claim against the sample, keep what it says, and return whether more episodes could hardly change it."""
+        """Hold a claim against the sample, keep what it says, and return whether more episodes could change it little."""
         entry = self.of.claims[index]
         claim = entry.claim
         try:

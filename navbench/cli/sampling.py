@@ -62,12 +62,17 @@ def blocks_of(of: Reconstructions, seed: int, drawn: int, moved: int) -> list[Bl
 
 @lru_cache(maxsize=2 * SCRAMBLES)
 def points(seed: int, scramble: int, dimensions: int, count: int) -> NDArray[np.float64]:
-    """Return the first points of a scramble, (2^k, dimensions) with at least so many; more begin with the same."""
+    """Return the first points of a scramble, (2^k, dimensions) with at least so many; more begin with the same.
+
+    Which of Sobol's sequences a dimension gets is dealt anew in each scramble: some pairs of them fill the square badly,
+    and no two factors are to keep such a pair.
+    """
     from scipy.stats.qmc import Sobol
 
     power = max(int(np.ceil(np.log2(max(count, 1)))), 0)
     rng = np.random.default_rng([seed, scramble, 0])
-    found: NDArray[np.float64] = Sobol(dimensions, scramble=True, rng=rng).random_base2(power)
+    dealt = rng.permutation(dimensions)
+    found: NDArray[np.float64] = Sobol(dimensions, scramble=True, rng=rng).random_base2(power)[:, dealt]
     return found
 
 
