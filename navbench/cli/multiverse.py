@@ -3,11 +3,15 @@
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navbench.cli.catalogue import CONF, files_of
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
+
+if TYPE_CHECKING:
+    from navbench.cli.reconstructions import Reconstructions
+    from navbench.experiments.samples import Samples
 
 HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of what its paper leaves open
 
@@ -47,22 +51,43 @@ def multiverse(arguments: Sequence[str]) -> int:
     samples.begin(prior_of(of, options["seed"]), other_code=words.other_code)
     blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
     todo = [block for block in blocks if not samples.has(block.name)]
-    total, done = sum(block.count for block in blocks), sum(block.count for block in blocks if block not in todo)
+    total, done = sum(block.size for block in blocks), sum(block.size for block in blocks if block not in todo)
     try:
         with progress() as told:
             for index, columns in run(BLOCKS, todo, "local", options["workers"]):
                 samples.write(todo[index].name, columns)
-                done += todo[index].count
+                done += todo[index].size
                 told("reconstructions", done, total)
     except KeyboardInterrupt:
         again = shlex.join(["navbench", "multiverse", *arguments])
         complain(f"interrupted after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
         return 130
+    return _finish(of, samples)
+
+
+def _finish(of: "Reconstructions", samples: "Samples") -> int:
+    """Write what the reconstructions say, and return the exit code."""
+    from navbench.analysis.shares import Drawn
+    from navbench.cli.sampling import places
+    from navbench.experiments.samples import DRAWN, MOVED
+    from navbench.report.joined import read_claims
+    from navbench.report.multiverse import Told, write_multiverse
+
+    rows, prior, name = samples.even(DRAWN), samples.prior(), str(of.study["name"])
+    if rows.empty:
+        raise DescriptionError(f"{samples.path}: not every scramble has a reconstruction yet")
+    drawn = Drawn(rows, places(prior["seed"], len(of.names), rows), of.names, of.reaches, samples.even(MOVED))
+    out = Path("results") / name
+    claims = read_claims(out / "claims.csv")
+    here = dict(zip(claims["id"], claims["verdict"], strict=True))
+    told = Told(name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, prior)
+    files = write_multiverse(told, out / "multiverse")
+    print(f"report: {files[0]} ({len(files)} files)")
     return 0
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:
-    from navbench.cli.sampling import SCRAMBLES
+    from navbench.cli.sampling import BLOCK, SCRAMBLES
 
     options: dict[str, Any] = {**NUMBERS, "workers": None, "tuned": None, "out": None}
     for word in overrides:
@@ -76,7 +101,7 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
         if not (value.isdecimal() and int(value) >= least):
             raise DescriptionError(f"{word}: must be a whole number of at least {least}")
         options[key] = int(value)
-    for key in ("n", "decide"):
-        if options[key] % SCRAMBLES:
-            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {SCRAMBLES}, the scrambles")
+    for key, size in (("n", SCRAMBLES * BLOCK), ("decide", SCRAMBLES)):
+        if options[key] % size:
+            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {size}: of each scramble as many")
     return options

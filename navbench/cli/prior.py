@@ -41,7 +41,8 @@ def reconstructions_of(
     plan = compose_study(study, config_dir)
     content = dict(plan.study or {})
     told = [entry for entry in entries("", content) if entry.kind in CLAIMS]
-    claims = [*conditions(content, multiverse_of(content, told)), *(entry for entry in told if entry.claim.measure)]
+    multiverse = multiverse_of(content, told)
+    claims = [*conditions(content, multiverse), *(entry for entry in told if entry.claim.measure)]
     cells = _in_planar(plan.cells, config_dir)
     uses = [_uses(entry, cells) for entry in claims]
     needed = sorted({k for used in uses for k in used})
@@ -65,6 +66,7 @@ def reconstructions_of(
         factors=tuple(factors),
         choices=tuple(_choices(gains, claims)),
         claims=tuple(claims),
+        multiverse=multiverse,
         uses=tuple(frozenset(places[k] for k in used) for used in uses),
         episodes=episodes,
     )

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.factors import Factor, apply
 from navbench.analysis.measuring import MeasureError
+from navbench.analysis.multiverse import Multiverse
+from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN
 from navbench.analysis.verdicts import figure_of, verdict
 from navbench.cli.configuration import native_of, without
 from navbench.cli.sample import Sample
@@ -30,7 +32,6 @@ from navbench.sensors import Sensors
 from navbench.simulation.options import SimulatorOptions
 from navbench.validation import DescriptionError, describe
 
-HOLDS, FAILS, PARTLY, CHAOTIC, UNKNOWN = 1, 0, 2, 3, -1  # a claim in one reconstruction
 CODES = {"reproduced": HOLDS, "partly": PARTLY, "not_testable": CHAOTIC}
 
 
@@ -117,7 +118,8 @@ class Reconstructions:
         parts: of these cells.
         factors: of these parts.
         choices: further ones, after the factors.
-        claims: what is asked of each reconstruction.
+        claims: what is asked of each reconstruction: what makes it admissible, then the study's claims.
+        multiverse: what the study says of it.
         uses: for each claim the places of its cells.
         episodes: how many a cell runs at first, and how many at most where a claim is not decided by these.
     """
@@ -128,6 +130,7 @@ class Reconstructions:
     factors: tuple[Factor, ...]
     choices: tuple[Choice, ...]
     claims: tuple[Entry, ...]
+    multiverse: Multiverse
     uses: tuple[frozenset[int], ...]
     episodes: tuple[int, int]
 
@@ -148,6 +151,14 @@ class Reconstructions:
             own = {k for k, entry in enumerate(self.claims) if entry.name == choice.of}
             found.append((frozenset(tuned), self._using(tuned) | own))
         return found
+
+    @property
+    def reaches(self) -> dict[str, list[int]]:
+        """For each claim the dimensions that may change it."""
+        return {
+            entry.name: [i for i, (_, claims) in enumerate(self.touched) if k in claims]
+            for k, entry in enumerate(self.claims)
+        }
 
     def _using(self, cells: set[int]) -> frozenset[int]:
         return frozenset(k for k, used in enumerate(self.uses) if used & cells)
@@ -188,9 +199,10 @@ class Reconstructions:
             moved[i] = others[i]
             again = _Run(self, moved, {k: run for k, run in first.runs.items() if k not in cells})
             changed = again.tell(sorted(claims))
-            for mine, theirs in zip(changed[:3], told[:3], strict=True):
-                untouched = [k for k in range(len(self.claims)) if k not in claims]
-                mine[untouched] = theirs[untouched]
+            kept = [k for k in range(len(self.claims)) if k not in claims]
+            changed.codes[kept], changed.values[kept], changed.counts[kept] = (
+                told.codes[kept], told.values[kept], told.counts[kept],
+            )  # fmt: skip
             yield i, changed
 
 
@@ -254,7 +266,7 @@ class _Run:
         self.steps += sum(len(record.states) - 1 for record in records)
 
     def _judge(self, sample: Sample, index: int, told: Told) -> bool:
-        """Hold a claim against the sample, keep what it says, and return whether more episodes could change it little."""
+        """Hold a claim against the sample, keep what it says, and return whether more episodes can change it little."""
         entry = self.of.claims[index]
         claim = entry.claim
         try:

@@ -3,19 +3,22 @@
 import time
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.cli.reconstructions import Reconstructions, Told
 from navbench.experiments.engines import Work
+from navbench.experiments.samples import DRAWN, MOVED
 from navbench.mathematics.sensitivity import saltelli
 from navbench.validation import DescriptionError
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SCRAMBLES = 16  # independent ones, between which the spread of a share is seen
 BLOCK = 8  # reconstructions: some seconds of work
-DRAWN, MOVED = "drawn", "moved"  # kinds of blocks: of the sample, and of rows with each dimension moved alone
 
 
 class Block(NamedTuple):
@@ -27,7 +30,7 @@ class Block(NamedTuple):
         seed: of the multiverse.
         scramble: which one.
         first: the index of the first reconstruction.
-        count: how many.
+        size: how many.
     """
 
     of: Reconstructions
@@ -35,12 +38,12 @@ class Block(NamedTuple):
     seed: int
     scramble: int
     first: int
-    count: int
+    size: int
 
     @property
     def name(self) -> str:
         """What its part is called."""
-        return f"{self.kind}-{self.scramble:02d}-{self.first:06d}-{self.count:03d}"
+        return f"{self.kind}-{self.scramble:02d}-{self.first:06d}-{self.size:03d}"
 
 
 def blocks_of(of: Reconstructions, seed: int, drawn: int, moved: int) -> list[Block]:
@@ -49,14 +52,13 @@ def blocks_of(of: Reconstructions, seed: int, drawn: int, moved: int) -> list[Bl
     Args:
         of: what is drawn.
         seed: of the multiverse.
-        drawn: how many reconstructions in all.
-        moved: in how many each dimension is moved alone.
+        drawn: how many reconstructions in all, a multiple of ``SCRAMBLES * BLOCK``.
+        moved: in how many each dimension is moved alone, a multiple of ``SCRAMBLES``.
     """
     found = []
     for kind, total, size in ((DRAWN, drawn, BLOCK), (MOVED, moved, 1)):
-        each = total // SCRAMBLES
-        for first in range(0, each, size):
-            found += [Block(of, kind, seed, k, first, min(size, each - first)) for k in range(SCRAMBLES)]
+        for first in range(0, total // SCRAMBLES, size):
+            found += [Block(of, kind, seed, k, first, size) for k in range(SCRAMBLES)]
     return found
 
 
@@ -64,8 +66,8 @@ def blocks_of(of: Reconstructions, seed: int, drawn: int, moved: int) -> list[Bl
 def points(seed: int, scramble: int, dimensions: int, count: int) -> NDArray[np.float64]:
     """Return the first points of a scramble, (2^k, dimensions) with at least so many; more begin with the same.
 
-    Which of Sobol's sequences a dimension gets is dealt anew in each scramble: some pairs of them fill the square badly,
-    and no two factors are to keep such a pair.
+    Which of Sobol's sequences a dimension gets is dealt anew in each scramble: some pairs of these fill the
+    square badly, and no two factors are to keep one.
     """
     from scipy.stats.qmc import Sobol
 
@@ -74,6 +76,14 @@ def points(seed: int, scramble: int, dimensions: int, count: int) -> NDArray[np.
     dealt = rng.permutation(dimensions)
     found: NDArray[np.float64] = Sobol(dimensions, scramble=True, rng=rng).random_base2(power)[:, dealt]
     return found
+
+
+def places(seed: int, dimensions: int, rows: "pd.DataFrame") -> NDArray[np.float64]:
+    """Return (rows, dimensions) where the reconstructions of a sample lie, from their scramble and index."""
+    count = int(rows["index"].max()) + 1
+    return np.array(
+        [points(seed, k, dimensions, count)[i] for k, i in zip(rows["scramble"], rows["index"], strict=True)]
+    )
 
 
 def run_block(block: Block) -> dict[str, Any]:
@@ -99,15 +109,15 @@ def run_block(block: Block) -> dict[str, Any]:
 def _rows(block: Block) -> Iterator[tuple[int, int, Told, float]]:
     """Yield the index, what was moved (-1 for nothing), what the claims say, and the CPU time [s]."""
     of, dimensions = block.of, len(block.of.names)
-    last = block.first + block.count
+    last = block.first + block.size
     if block.kind == DRAWN:
         for index in range(block.first, last):
             begin = time.process_time()
             told = of.tell(points(block.seed, block.scramble, dimensions, last)[index])
             yield index, -1, told, time.process_time() - begin
         return
-    size = 2 ** int(np.ceil(np.log2(max(last, 1))))
-    design = saltelli(size, dimensions, np.random.default_rng([block.seed, block.scramble, 1]))
+    base = 2 ** int(np.ceil(np.log2(max(last, 1))))
+    design = saltelli(base, dimensions, np.random.default_rng([block.seed, block.scramble, 1]))
     for index in range(block.first, last):
         begin = time.process_time()
         for moved, told in of.tell_changed(design.a[index], design.b[index]):

@@ -11,7 +11,8 @@ from navbench.experiments.store import ResultsError, write_table
 if TYPE_CHECKING:
     import pandas as pd
 
-PRIOR = "prior.json"
+PRIOR, SECONDS = "prior.json", "seconds"
+DRAWN, MOVED = "drawn", "moved"  # kinds: of the sample, and of rows with each dimension moved alone
 
 
 class Samples:
@@ -49,12 +50,28 @@ class Samples:
         return (self.path / f"{name}.parquet").is_file()
 
     def write(self, name: str, columns: Mapping[str, Any]) -> None:
-        """Write a block: columns of one length."""
+        """Write a block: columns of one length; how long each took lies apart, for it is never the same twice."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        with replacing(self.path / f"{name}.parquet") as temporary:
-            pq.write_table(pa.table(dict(columns)), temporary, compression="zstd")
+        kept = {key: column for key, column in columns.items() if key != SECONDS}
+        for file, table in ((f"{SECONDS}/{name}", {SECONDS: columns[SECONDS]}), (name, kept)):
+            with replacing(self.path / f"{file}.parquet") as temporary:
+                pq.write_table(pa.table(table), temporary, compression="zstd")
+
+    def prior(self) -> dict[str, Any]:
+        """Return the prior."""
+        prior: dict[str, Any] = json.loads((self.path / PRIOR).read_text(encoding="utf-8"))
+        return prior
+
+    def even(self, kind: str) -> "pd.DataFrame":
+        """Return the reconstructions of a kind, of each scramble as many as all have, as ``read``."""
+        rows = self.read(kind)
+        if rows.empty:
+            return rows
+        there = rows[rows["moved"] == -1].groupby("scramble")["index"]
+        whole = int((there.max() + 1).min())
+        return rows[rows["index"] < whole].reset_index(drop=True)
 
     def read(self, kind: str) -> "pd.DataFrame":
         """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any."""
@@ -67,7 +84,8 @@ class Samples:
             return pd.DataFrame()
         tables = []
         for file in files:
-            with pq.ParquetFile(file) as opened:
-                tables.append(opened.read(use_threads=False))
+            table = pq.read_table(file, use_threads=False)
+            seconds = pq.read_table(file.parent / SECONDS / file.name, use_threads=False)
+            tables.append(table.append_column(SECONDS, seconds[SECONDS]))
         frame: pd.DataFrame = pa.concat_tables(tables).to_pandas()
         return frame.sort_values(["scramble", "index", "moved"], kind="stable", ignore_index=True)

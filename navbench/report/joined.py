@@ -10,14 +10,18 @@ from navbench.analysis.evidence import EVIDENCE
 from navbench.analysis.verdicts import CHECK_VERDICTS, COLUMNS, HYPOTHESIS_VERDICTS, VERDICTS
 from navbench.experiments.store import write_table
 from navbench.report.claims import measured_figure, plain, printed_figure
-from navbench.report.document import Block, Column, Document, Heading, Lines, Paragraph, Table
+from navbench.report.document import Block, Column, Document, Heading, Lines, Link, Paragraph, Plot, Table
+from navbench.report.figures import save_figure
 from navbench.report.markdown import render
+from navbench.report.shares import VERDICTS as SHARE_VERDICTS
+from navbench.report.shares import strips
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PAGE = "README.md"
+MULTIVERSE = "multiverse"  # the folder of a study's
 FINDINGS = 3  # of each study; its report holds all
 VERDICT_WORDS = (
     "Within its tolerance a claim is reproduced, within twice the tolerance partly. Evidence says what an agreement "
@@ -44,6 +48,7 @@ class Found(NamedTuple):
         findings: its findings, each a sentence of Markdown.
         errata: what its paper prints wrong or leaves open: where, printed, here.
         claims: its table of what its paper claims, with the columns of ``claims.csv``; no rows where it has none.
+        shares: in which share of the reconstructions each holds; no rows where there is no multiverse.
     """
 
     name: str
@@ -52,6 +57,7 @@ class Found(NamedTuple):
     findings: Sequence[str]
     errata: Sequence[Mapping[str, str]]
     claims: "pd.DataFrame"
+    shares: "pd.DataFrame"
 
 
 def write_joined(folder: Path) -> Path:
@@ -76,7 +82,7 @@ def write_joined(folder: Path) -> Path:
         "nothing."
     )
     told = [block for study in studies for block in _told(study)]
-    blocks = [head, *told, *_counted(studies), *_refuted(studies), *_errata(studies)]
+    blocks = [head, *told, *_counted(studies), *_shares(studies, folder), *_refuted(studies), *_errata(studies)]
     write_table(folder / PAGE, render(Document("What the studies found", blocks)))
     return folder / PAGE
 
@@ -97,6 +103,7 @@ def read_study(path: Path) -> Found:
             [finding["text"] for finding in told["findings"]],
             told["errata"],
             read_claims(path / "claims.csv").query("kind == 'claim'"),
+            read_shares(path / MULTIVERSE),
         )
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, DescriptionError):
@@ -137,6 +144,14 @@ def read_claims(file: Path) -> "pd.DataFrame":
     return table
 
 
+def read_shares(folder: Path) -> "pd.DataFrame":
+    """Return in which share of its multiverse's reconstructions each claim of a study holds; no rows without one."""
+    import pandas as pd
+
+    file = folder / "tables" / "shares.csv"
+    return pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=["id", "verdict", "share"])
+
+
 def _told(study: Found) -> list[Block]:
     claims = study.claims
     counted = [f"{int((claims['verdict'] == verdict).sum())} {plain(verdict)}" for verdict in VERDICTS]
@@ -159,6 +174,26 @@ def _counted(studies: Sequence[Found]) -> list[Block]:
         lines = [_count(table[table[column] == row], plain(row)) for row in rows]
         blocks.append(_table([column, *map(plain, VERDICTS), "in all"], [*lines, _count(table, "all")]))
     return blocks
+
+
+def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
+    """Return in how many reconstructions the claims of all papers hold."""
+    asked = [study for study in studies if len(study.shares)]
+    if not asked:
+        return []
+    save_figure(strips({study.name: study.shares for study in asked}), folder, "shares")
+    rows = [
+        [study.name, *(str(int((study.shares["verdict"] == word).sum())) for word in SHARE_VERDICTS)] for study in asked
+    ]
+    links = [Link(f"{study.title}: its multiverse", f"{study.name}/{MULTIVERSE}/report.md") for study in asked]
+    text = (
+        "Each claim again, in many reconstructions of what its paper leaves open: *robust* claims hold in 95 % of them "
+        "or more, *contradicted* ones in 5 % or less, those *out of reach* in none that was drawn; *open* ones hang on "
+        "what is not printed, and the reports say on what."
+    )
+    caption = "Each dot is a claim: in which share of the reconstructions it holds"
+    table = _table(["study", *SHARE_VERDICTS], rows)
+    return [Heading("In how many reconstructions they hold"), Paragraph(text), Plot("shares", caption), table, *links]
 
 
 def _count(claims: "pd.DataFrame", title: str) -> list[str]:

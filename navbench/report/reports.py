@@ -79,7 +79,11 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir
     page = Page(stored, out, trust=trust)
     blocks = [block for built in each(partial(build_section, page), study["report"]) for block in built]
     errata = [item for spec in map(named, study["report"]) if spec["name"] == "errata" for item in spec["items"]]
-    document = Document(study["title"], [*blocks, *_making(stored, config_dir)], study.get("summary") or "", errata)
+    further = "multiverse/report.md"
+    more = [Link("In how many reconstructions its claims hold", further)] if (out / further).is_file() else []
+    document = Document(
+        study["title"], [*more, *blocks, *_making(stored, config_dir)], study.get("summary") or "", errata
+    )
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)

@@ -60,7 +60,7 @@ def test_a_group_is_one_factor_of_its_thing() -> None:
     sources = {"world": {"boxes": source, "starts": {**source, "choices": [[3], [4]]}}}
     cells = [a_cell("A", world)._replace(sources=sources) for world in ("plain", "other", "plain")]
     first, second = factors_of(cells)
-    assert (first.name, second.name, first.thing) == ("plain.layout", "other.layout", "plain")
+    assert (first.name, second.name, first.things) == ("plain.layout", "other.layout", ("plain",))
     assert apply(first, 0.9, cells[0].configuration) == {"world.boxes": [2], "world.starts": [4]}
 
 

@@ -1,0 +1,251 @@
+"""The report of a multiverse: in which share of the reconstructions each claim holds, and what decides it."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from navbench.analysis.claims import Entry
+from navbench.analysis.factors import Factor
+from navbench.analysis.fitting import Fit, fit
+from navbench.analysis.multiverse import KIND, Multiverse
+from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, shares_of, worth
+from navbench.experiments.store import write_table
+from navbench.mathematics.statistics import Estimate
+from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Plot, Table
+from navbench.report.figures import save_figure
+from navbench.report.reports import write_document
+from navbench.report.shares import VERDICTS, chart, curves
+
+CURVES_MAX = 6  # claims of which the curve is drawn
+
+
+class Told(NamedTuple):
+    """What a report of a multiverse is made of.
+
+    Attributes:
+        study: its name.
+        title: its title.
+        drawn: the reconstructions.
+        claims: the claims, and what makes a reconstruction admissible.
+        multiverse: what the study says of it.
+        factors: the factors among the dimensions.
+        here: the verdict of each claim in the study's own results; empty where these are not at hand.
+        prior: what was drawn and asked, as it was written down before.
+    """
+
+    study: str
+    title: str
+    drawn: Drawn
+    claims: Sequence[Entry]
+    multiverse: Multiverse
+    factors: Sequence[Factor]
+    here: Mapping[str, str]
+    prior: Mapping[str, Any]
+
+
+def write_multiverse(told: Told, out: Path) -> list[Path]:
+    """Write the report into a directory and return its files."""
+    shares = shares_of(told.drawn, told.claims, told.multiverse)
+    named = told.multiverse.together
+    best = fit(told.drawn, [one.claim for one in shares if not named or one.claim.name in named])
+    save_figure(chart(shares, told.here), out, "shares")
+    plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
+    if curved := _curved(shares):
+        save_figure(curves(told.drawn, curved), out, "curves")
+        caption = (
+            "The share in which a claim holds over the range of the value that tells most of it; the dashed line is "
+            "the share over all"
+        )
+        plots.append(Plot("curves", caption))
+    document = Document(
+        f"{told.title}: in how many reconstructions its claims hold",
+        [
+            *_first(told, shares, best),
+            *plots,
+            *_claims(told, shares, best),
+            *_fitted(best),
+            *_deciding(shares),
+            *_factors(told, shares),
+            *_made(told),
+        ],
+    )
+    write_table(out / "prior.json", json.dumps(told.prior, indent=1) + "\n")
+    return write_document(document, out)
+
+
+def _together(best: Fit) -> str:
+    return (
+        f"In the reconstruction that meets most of them, {best.holds.sum()} of {len(best.claims)} printed numbers hold "
+        f"at once; of placebo tables, with the same numbers permuted, {best.placebos.min()} to {best.placebos.max()}. "
+        f"Left out in turn, {best.predicts.sum()} are predicted by the reconstruction that meets the others best."
+    )
+
+
+def _first(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Block]:
+    """Return what a reader wants first: three sentences."""
+    counts = {word: sum(one.verdict == word for one in shares) for word in VERDICTS}
+    bits = [(name, value) for name, value in worth(shares, told.drawn)[:3] if value > 0.0]
+    most = ", ".join(f"`{name}` ({value:.2f} bit)" for name, value in bits)
+    lines = [
+        f"Of {len(shares)} claims, {counts['robust']} hold in nearly every reconstruction (robust), "
+        f"{counts['contradicted']} in hardly any (contradicted), {counts['out of reach']} in none of "
+        f"{len(told.drawn.rows)}, and {counts['open']} are open: they hang on what the paper does not print.",
+        _together(best) if best else "No claim prints a number.",
+        f"The missing values that tell most of all verdicts together: {most}." if most else "No value tells of them.",
+    ]
+    return [Paragraph(line) for line in lines]
+
+
+def _claims(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Block]:
+    at_best = None if best is None else told.drawn.rows.iloc[best.row]
+    columns = [
+        Column("claim", "id"),
+        Column("says", "statement"),
+        Column("verdict", "verdict"),
+        Column("here", "here"),
+        Column("at best", "at_best"),
+        Column("share", "share", decimals=3),
+        Column("of admissible", "admissible", decimals=3),
+        Column("given the printed", "conditioned", decimals=3),
+        Column("decided by", "decided"),
+    ]
+    rows = [
+        [
+            one.claim.name,
+            one.claim.claim.says,
+            one.verdict,
+            told.here.get(one.claim.name, "").replace("_", " ") or None,
+            None if at_best is None else "yes" if at_best[f"code:{one.claim.name}"] == HOLDS else "no",
+            one.all,
+            _enough(one.admissible),
+            _enough(one.conditioned),
+            one.decided or None,
+        ]
+        for one in shares
+    ]
+    text = (
+        "*Here* is the verdict in the study's own results, *at best* whether the claim holds in the reconstruction "
+        "that meets most printed numbers. A share is one of our prior: of the ranges and choices of everything that "
+        "the paper leaves open, drawn independently. *Robust* and *contradicted* go by the bound of the interval "
+        f"(95 % and 5 %), over admissible reconstructions where {CASES_MIN} or more are, else over all; *out of "
+        "reach* holds in none that was drawn. Of fewer cases no interval is told."
+    )
+    return [Heading("Claims"), Paragraph(text), Table("shares", columns, rows)]
+
+
+def _fitted(best: Fit | None) -> list[Block]:
+    if best is None:
+        return []
+    columns = [
+        Column("claim", "id"),
+        Column("printed", "printed"),
+        Column("at best", "value"),
+        Column("holds", "holds"),
+        Column("predicted by the others", "predicted"),
+        Column("holds", "predicts"),
+    ]
+    words = {True: "yes", False: "no"}
+    rows = [
+        [entry.name, str(entry.claim.printed), value, words[bool(holds)], predicted, words[bool(predicts)]]
+        for entry, value, holds, predicted, predicts in zip(
+            best.claims, best.values, best.holds, best.predicted, best.predicts, strict=True
+        )
+    ]
+    text = (
+        "The printed numbers that do not follow from each other, in the reconstruction of the sample that meets most "
+        "of them; and each as the reconstruction has it that meets the others best."
+    )
+    return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
+
+
+def _deciding(shares: Sequence[Shares]) -> list[Block]:
+    columns = [
+        Column("claim", "id"),
+        Column("redrawing this alone turns it", "decided_by"),
+        Column("how often", "flips", decimals=2),
+        Column("tells most", "best_factor"),
+        Column("bit", "bits", decimals=3),
+        Column("by chance", "bits_chance", decimals=3),
+        Column("tell most together", "best_pair"),
+        Column("bit", "pair_bits", decimals=3),
+        Column("associated among admissible", "associated"),
+        Column("PAWN", "pawn", decimals=2),
+        Column("by chance", "pawn_chance", decimals=2),
+        Column("no case", "without_case", decimals=2),
+        Column("chaotic", "chaotic", decimals=2),
+    ]
+    rows = []
+    for one in shares:
+        decided, flips = next(iter(one.flips.items()), (None, None))
+        factor, bits = one.bits or (None, None)
+        associated, pawn = one.associated or (None, None)
+        first, second, together_bits = one.pair or (None, None, None)
+        told = [bits and bits.value, bits and bits.p95, first and f"{first}, {second}", together_bits]
+        found = [associated, pawn and pawn.value, pawn and pawn.p95, one.without_case, one.chaotic]
+        rows.append([one.claim.name, decided, flips, factor, *told, *found])
+    text = (
+        "How often drawing one value anew, and nothing else, turns a claim; how many bits a value, or two, tell of it "
+        "(mutual information, with what 95 % of permutations stay below); over admissible reconstructions only "
+        "association can be told (PAWN's index). *No case*: there is nothing to measure, as of a robot that does not "
+        "arrive; *chaotic*: starts within a millimetre differ by more than the tolerance."
+    )
+    return [Heading("What decides them"), Paragraph(text), Table("deciding", columns, rows)]
+
+
+def _enough(share: Estimate | None) -> Estimate | None:
+    """Return a share without its interval where it is of few cases."""
+    if share is None or share.n >= CASES_MIN:
+        return share
+    return Estimate(share.value, math.nan, math.nan, share.n)
+
+
+def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
+    known = {factor.name: factor for factor in told.factors}
+    rows = []
+    for name, bits in worth(shares, told.drawn):
+        factor = known.get(name)
+        source = next(iter(factor.members.values())) if factor else None
+        bounds = " to ".join(map(str, source.range)) if source and source.range else "choices"
+        rows.append([name, ", ".join(factor.things) if factor else None, bounds, factor and factor.kind, bits])
+    columns = [
+        Column("value", "factor"),
+        Column("of", "things"),
+        Column("from", "range"),
+        Column("its source", "kind"),
+        Column("bit, summed over the claims", "bits", decimals=3),
+    ]
+    text = "What is drawn, and how much each tells of all claims; what chance alone would tell counts as nothing."
+    return [Heading("What the paper leaves open"), Paragraph(text), Table("factors", columns, rows)]
+
+
+def _made(told: Told) -> list[Block]:
+    rows, moved = told.drawn.rows, told.drawn.moved
+    conditions = [entry for entry in told.claims if entry.kind == KIND]
+    admissible = int(np.all([rows[f"code:{entry.name}"] == HOLDS for entry in conditions], axis=0).sum())
+    episodes, steps = int(rows["episodes"].sum()), int(rows["steps"].sum())
+    seconds = float(rows["seconds"].sum())
+    scrambles = rows["scramble"].nunique()
+    lines = [
+        f"`navbench multiverse {told.study}` draws {scrambles} independent scrambles of a Sobol sequence, "
+        f"{len(rows) // scrambles} points each, over {len(told.drawn.names)} dimensions, and runs every reconstruction "
+        f"in {told.prior['simulator']}: {len(rows)} reconstructions, {episodes} episodes, {steps} robot-steps in "
+        f"{seconds:.0f} s of CPU time, {steps / max(seconds, 1e-9):.0f} a second, with the claims' measures. "
+        f"Seed {told.prior['seed']}.",
+        f"A cell runs {told.prior['episodes'][0]} episodes, and up to {told.prior['episodes'][1]} where a claim's "
+        f"interval over these does not settle it. {int((rows['possible'] == 0).sum())} reconstructions were "
+        "impossible, such as a robot within a wall; no claim holds in them.",
+        f"{admissible} reconstructions are admissible: {'; '.join(entry.claim.says for entry in conditions)}.",
+        f"Each dimension was moved alone in {int((moved['moved'] == -1).sum()) if len(moved) else 0} reconstructions.",
+        "The prior was written down before the first reconstruction was run.",
+    ]
+    return [Heading("How it was made"), *map(Paragraph, lines), Link("Prior", "prior.json")]
+
+
+def _curved(shares: Sequence[Shares]) -> list[Shares]:
+    """Return the open claims of which a single value tells most."""
+    found = [one for one in shares if one.bits is not None and one.verdict == "open" and one.bits[1].p_value < 0.01]
+    return sorted(found, key=lambda one: -one.bits[1].value if one.bits else 0.0)[:CURVES_MAX]

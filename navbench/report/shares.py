@@ -1,0 +1,118 @@
+"""Figures of shares: in how many reconstructions claims hold."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from navbench.analysis.shares import CONTRADICTED, HOLDS, ROBUST, Drawn, Shares
+from navbench.mathematics.statistics import wilson
+from navbench.report.figures import PALETTE
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+VERDICTS = {  # with their colours
+    "robust": PALETTE[2],
+    "open": PALETTE[5],
+    "contradicted": PALETTE[0],
+    "out of reach": PALETTE[3],
+}
+SLICES = 8  # of a value's range, over which a share is told
+
+
+def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":
+    """Return each claim's share with its interval, the largest on top.
+
+    Args:
+        shares: of the claims.
+        verdicts: of the claims in the study's own results, by their names.
+    """
+    from matplotlib.figure import Figure
+
+    ordered = sorted(shares, key=lambda one: (one.told.value, one.all.value))
+    figure = Figure(figsize=(8.0, 1.2 + 0.2 * len(ordered)), layout="constrained")
+    axes = figure.subplots()
+    for y, one in enumerate(ordered):
+        colour = VERDICTS[one.verdict]
+        axes.plot([one.all.low, one.all.high], [y, y], color=colour, lw=2, solid_capstyle="butt")
+        here = verdicts.get(one.claim.name) in ("reproduced", "supported")
+        axes.plot(one.all.value, y, "o", color=colour, mfc=colour if here else "white", ms=5)
+        if one.admissible is not None:
+            axes.plot(one.admissible.value, y, "|", color="#222222", ms=9, mew=1.5)
+    axes.set_yticks(range(len(ordered)), [one.claim.name for one in ordered], fontsize=7)
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.7, len(ordered) - 0.3), xlabel="share of reconstructions in which it holds")
+    for x in (0.05, 0.95):
+        axes.axvline(x, color="#bbbbbb", lw=0.8, zorder=0)
+    axes.grid(axis="y", color="#eeeeee", lw=0.6)
+    axes.set_axisbelow(True)
+    for word, colour in VERDICTS.items():
+        if any(one.verdict == word for one in shares):
+            axes.plot([], [], "o", color=colour, label=word)
+    axes.plot([], [], "o", color="#777777", mfc="white", label="does not hold in the study's own results")
+    axes.plot([], [], "|", color="#222222", ms=9, mew=1.5, label="share of the admissible ones")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=7, frameon=False)
+    return figure
+
+
+def curves(drawn: Drawn, shares: Sequence[Shares]) -> "Figure":
+    """Return for each claim the share in which it holds over the range of the value that tells most of it."""
+    from matplotlib.figure import Figure
+
+    columns = min(3, len(shares))
+    rows = math.ceil(len(shares) / columns)
+    figure = Figure(figsize=(3.0 * columns, 2.6 * rows), layout="constrained")
+    grid = np.atleast_1d(figure.subplots(rows, columns, sharey=True)).ravel()
+    for axes, one in zip(grid, shares, strict=False):
+        _curve(axes, drawn, one)
+    for axes in grid[len(shares) :]:
+        axes.set_visible(False)
+    figure.supylabel("share in which it holds", fontsize=9)
+    return figure
+
+
+def _curve(axes: "Axes", drawn: Drawn, one: Shares) -> None:
+    assert one.bits is not None
+    name, _ = one.bits
+    u = drawn.u[:, list(drawn.names).index(name)]
+    holds = drawn.codes(one.claim.name).ravel() == HOLDS
+    places = np.minimum((u * SLICES).astype(int), SLICES - 1)
+    found = [wilson(int(holds[places == k].sum()), int((places == k).sum())) for k in range(SLICES)]
+    x = (np.arange(SLICES) + 0.5) / SLICES
+    values = np.array([estimate.value for estimate in found])
+    errors = [[e.value - e.low for e in found], [e.high - e.value for e in found]]
+    axes.errorbar(x, values, yerr=errors, color=PALETTE[1], marker="o", ms=3, lw=1, capsize=2)
+    axes.axhline(one.all.value, color="#888888", ls="--", lw=0.8)
+    axes.set(xlim=(0, 1), ylim=(-0.03, 1.03), title=one.claim.name)
+    axes.title.set_fontsize(8)
+    axes.set_xlabel(f"{name}, from least to most", fontsize=7)
+    axes.tick_params(labelsize=7)
+
+
+def strips(shares: Mapping[str, "pd.DataFrame"]) -> "Figure":
+    """Return the shares of all claims of several studies, a row of dots a study.
+
+    Args:
+        shares: the table of shares of each study, by its name.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 1.0 + 0.75 * len(shares)), layout="constrained")
+    axes = figure.subplots()
+    for row, table in enumerate(shares.values()):
+        ordered = table.sort_values("share", kind="stable")
+        y = row + 0.7 * (np.arange(len(ordered)) / max(len(ordered) - 1, 1) - 0.5)
+        axes.scatter(ordered["share"], y, c=[VERDICTS[word] for word in ordered["verdict"]], s=14)
+        if row:
+            axes.axhline(row - 0.5, color="#cccccc", lw=0.6)
+    axes.set_yticks(range(len(shares)), list(shares))
+    axes.set(xlim=(-0.02, 1.02), ylim=(len(shares) - 0.5, -0.5), xlabel="share of reconstructions in which it holds")
+    for x in (CONTRADICTED, ROBUST):
+        axes.axvline(x, color="#bbbbbb", lw=0.8, zorder=0)
+    for word, colour in VERDICTS.items():
+        axes.plot([], [], "o", color=colour, label=word)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    return figure

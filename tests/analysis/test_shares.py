@@ -1,0 +1,108 @@
+"""Shares of reconstructions, from made-up ones, and printed numbers fitted together."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from navbench.analysis.claims import Claim, Entry
+from navbench.analysis.fitting import fit
+from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
+from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, shares_of, worth
+
+SCRAMBLES, EACH = 4, 250
+N = SCRAMBLES * EACH
+
+
+def drawn(codes: dict[str, Any], values: dict[str, Any] | None = None, u: Any = None) -> Drawn:
+    """Return a sample with these codes and values of claims, and where each reconstruction lies."""
+    u = np.random.default_rng(0).random((N, 2)) if u is None else u
+    rows = pd.DataFrame(
+        {
+            "scramble": np.repeat(np.arange(SCRAMBLES), EACH),
+            "index": np.tile(np.arange(EACH), SCRAMBLES),
+            **{f"code:{name}": np.broadcast_to(of, N) for name, of in codes.items()},
+            **{f"value:{name}": np.broadcast_to(of, N) for name, of in (values or {}).items()},
+        }
+    )
+    return Drawn(rows, u, ["first", "second"], dict.fromkeys(codes, [0, 1]), pd.DataFrame())
+
+
+def number(name: str, printed: str = "10.0 s", within: str = "10 %") -> Entry:
+    return Entry(name, "claim", Claim(says=name, printed=printed, within=within, measure="median"))
+
+
+ADMISSIBLE = Entry("ok", KIND, Claim(says="ok", holds="in 80 % of the cases", measure="share_reached"))
+NOTHING = Multiverse(admissible={})
+
+
+@pytest.mark.parametrize(
+    ("held", "verdict"),
+    [(N, "robust"), (N - 10, "robust"), (N - 45, "open"), (N // 2, "open"), (30, "contradicted"), (0, "out of reach")],
+)
+def test_a_verdict_goes_by_the_bound_of_the_interval(held: int, verdict: str) -> None:
+    codes = np.where(np.random.default_rng(1).permutation(N) < held, HOLDS, FAILS)
+    (one,) = shares_of(drawn({"a": codes}), [number("a")], NOTHING)
+    assert one.all.value == held / N
+    assert one.all.low <= one.all.value <= one.all.high
+    assert one.verdict == verdict
+
+
+def test_of_admissible_reconstructions_alone_the_share_is_another_and_decides_the_verdict() -> None:
+    ok = np.arange(N) % 2 == 0
+    sample = drawn({"ok": np.where(ok, HOLDS, FAILS), "a": np.where(ok, HOLDS, FAILS), "b": HOLDS})
+    a, b = shares_of(sample, [ADMISSIBLE, number("a"), number("b")], Multiverse(admissible={}, implied=("b",)))
+    assert (a.all.value, a.admissible and a.admissible.value, a.admissible and a.admissible.n) == (0.5, 1.0, N // 2)
+    assert a.verdict == "robust"
+    assert b.admissible is None
+
+
+def test_few_admissible_reconstructions_do_not_decide() -> None:
+    ok = np.arange(N) < 150
+    sample = drawn({"ok": np.where(ok, HOLDS, FAILS), "a": np.where(ok, HOLDS, FAILS)})
+    (a,) = shares_of(sample, [ADMISSIBLE, number("a")], NOTHING)
+    assert a.verdict == "open"
+
+
+def test_conditioned_are_those_that_meet_the_printed_numbers_which_are_tested_no_more() -> None:
+    values = np.where(np.arange(N) % 4 == 0, 10.9, 13.0)
+    sample = drawn({"a": FAILS, "b": np.where(np.arange(N) % 4 == 0, HOLDS, FAILS)}, {"a": values, "b": 0.0})
+    conditioned = Conditioned(claims=("a",), within="10 %")
+    a, b = shares_of(sample, [number("a"), number("b")], Multiverse(admissible={}, conditioned=conditioned))
+    assert a.conditioned is None
+    assert b.conditioned is not None
+    assert (b.conditioned.value, b.conditioned.n) == (1.0, N // 4)
+
+
+def test_what_has_no_case_and_what_is_chaotic_hold_nothing_and_are_counted_apart() -> None:
+    codes = np.select([np.arange(N) % 10 == 0, np.arange(N) % 10 == 1], [UNKNOWN, CHAOTIC], HOLDS)
+    (one,) = shares_of(drawn({"a": codes}), [number("a")], NOTHING)
+    assert (one.all.value, one.without_case, one.chaotic) == (0.8, 0.1, 0.1)
+
+
+def test_the_factor_that_decides_tells_most_and_one_that_cannot_reach_a_claim_is_not_asked() -> None:
+    u = np.random.default_rng(2).random((N, 2))
+    sample = drawn({"a": np.where(u[:, 1] > 0.5, HOLDS, FAILS)}, u=u)
+    (one,) = shares_of(sample, [number("a")], NOTHING)
+    assert one.bits is not None
+    assert one.bits[0] == "second"
+    assert one.bits[1].value == pytest.approx(1.0, abs=0.05)  # of 16 bins one lies on both sides
+    assert worth([one], sample)[0][0] == "second"
+    (one,) = shares_of(sample._replace(reaches={"a": [0]}), [number("a")], NOTHING)
+    assert one.bits is not None
+    assert one.bits[0] == "first"
+    assert one.bits[1].value < 0.02
+
+
+def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:
+    scale = np.random.default_rng(3).uniform(0.5, 2.0, N)  # one value stretches all three
+    claims = [number(f"{printed}", f"{printed:.1f} s", "2 %") for printed in (10.0, 20.0, 35.0)]
+    values = {entry.name: scale * float(entry.name) for entry in claims}
+    found = fit(drawn(dict.fromkeys(values, HOLDS), values), claims)
+    assert found is not None
+    assert found.holds.tolist() == [True] * 3
+    assert found.predicts.tolist() == [True] * 3
+    np.testing.assert_allclose(found.values, [10.0, 20.0, 35.0], rtol=0.03)
+    assert found.placebos.min() == 1
+    assert fit(drawn({"ok": HOLDS}, {"ok": 1.0}), [ADMISSIBLE]) is None

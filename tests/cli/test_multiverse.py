@@ -1,0 +1,153 @@
+"""A multiverse: shares and what decides them where the answer is known, stopped and gone on with, and wrong words."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import Command
+
+from navbench.analysis.shares import FAILS, HOLDS
+from navbench.cli.prior import reconstructions_of
+
+WORLD = """
+defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
+bounds: {x_min_m: -1.0, x_max_m: 3.0, y_min_m: -1.0, y_max_m: 1.0}
+starts: [{x_m: 0.0, y_m: 0.0, heading_rad: 0.0}]
+goals: [{x_m: 2.0, y_m: 0.0}]
+goal_tolerance_m: 0.05
+time_limit_s: 60.0
+"""
+STUDY = """
+# @package _global_
+title: "tiny: a straight line"
+summary: A robot drives 1.95 m; its speed is anything between 0.1 and a third of a metre a second.
+cells:
+  - {name: line, label: rule, overrides: [controller=go_to_goal, world=line]}
+  - {name: set, label: rule, overrides: [controller=go_to_goal, world=line, controller.build.speed_mps=0.195]}
+claims:
+  time: {says: it takes 10 s, printed: 10.0 s, within: 2.0 s, measure: median, of: {metric: time_s, cell: line}}
+  time-set: {says: it takes 10 s, printed: 10.0 s, within: 0.1 s, measure: median, of: {metric: time_s, cell: set}}
+  arrives: {says: it arrives, holds: in 95 % of the cases, measure: share_reached, of: {cell: line}}
+  fast: {says: it takes a second, printed: 1.0 s, within: 0.1 s, measure: median, of: {metric: time_s, cell: line}}
+multiverse:
+  admissible: {there: {says: it arrives, holds: in 80 % of the cases, measure: share_reached, of: {cell: line}}}
+  implied: [arrives]
+report: []
+"""
+LOW, HIGH = 0.1, 0.3333  # the range of go_to_goal's speed
+SHARE = (1.95 / 7.95 - 1.95 / 12.05) / (HIGH - LOW)  # of it in which the line takes 10.0 s, to its decimals, within 2 s
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder with the study."""
+    for name, text in (("world/line.yaml", WORLD), ("study/tiny.yaml", STUDY.lstrip())):
+        file = tmp_path / "conf" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor_decides(
+    command: Command, folder: Path
+) -> None:
+    done = command("multiverse", "tiny", "n=256", "decide=128", "workers=1", "--config-dir", "conf")
+    assert done.code == 0, done.err
+    assert "results/tiny/multiverse/report.md" in done.out
+    tables = folder / "results/tiny/multiverse/tables"
+    shares: dict[Any, Any] = pd.read_csv(tables / "shares.csv").set_index("id").to_dict("index")
+    time = shares["time"]
+    assert time["share"] == pytest.approx(SHARE, abs=0.03)
+    assert time["share_low"] <= SHARE <= time["share_high"]
+    assert [one["verdict"] for one in shares.values()] == ["open", "robust", "robust", "out of reach"]
+    assert time["decided"] == "go_to_goal.speed_mps"
+    deciding: dict[Any, Any] = pd.read_csv(tables / "deciding.csv").set_index("id").loc["time"].to_dict()
+    assert deciding["flips"] == pytest.approx(2.0 * SHARE * (1.0 - SHARE), abs=0.1)
+    entropy = -SHARE * np.log2(SHARE) - (1.0 - SHARE) * np.log2(1.0 - SHARE)
+    assert 0.75 * entropy < deciding["bits"] <= entropy + 0.01
+    prior = json.loads((folder / "results/tiny/multiverse/prior.json").read_text())
+    assert prior["factors"][0]["name"] == "go_to_goal.speed_mps"
+    assert prior["factors"][0]["of"] == {"build.speed_mps": {"range": [LOW, HIGH]}}
+
+
+def test_what_a_cell_sets_itself_stays_and_what_it_does_not_moves(folder: Path) -> None:
+    of = reconstructions_of("tiny", folder, "conf")
+    names = [entry.name for entry in of.claims]
+    ends = [of.tell(np.full(len(of.names), u)) for u in (0.0, 1.0)]
+    times = [told.values[names.index("time")] for told in ends]
+    assert times == pytest.approx([1.95 / LOW, 1.95 / HIGH], rel=5e-3)  # and what it takes to reach its speed
+    assert [told.codes[names.index("time-set")] for told in ends] == [HOLDS, HOLDS]
+    assert [told.codes[names.index("time")] for told in ends] == [FAILS, FAILS]
+
+
+def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path) -> None:
+    of = reconstructions_of("tiny", folder, "conf")
+    u, others = np.full(len(of.names), 0.3), np.full(len(of.names), 0.9)
+    for moved, told in of.tell_changed(u, others):
+        there = u.copy()
+        if moved >= 0:
+            there[moved] = others[moved]
+        again = of.tell(there)
+        assert told.codes.tolist() == again.codes.tolist()
+        np.testing.assert_array_equal(told.values, again.values)
+
+
+def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command: Command, folder: Path) -> None:
+    words = ("multiverse", "tiny", "--config-dir", "conf")
+    assert command(*words, "n=256", "decide=16", "workers=1", "out=once").code == 0
+    assert command(*words, "n=128", "decide=0", "workers=2", "out=again").code == 0
+    (folder / "again/drawn-03-000000-008.parquet").unlink()
+    assert command(*words, "n=256", "decide=16", "workers=1", "out=again").code == 0
+    once, again = (sorted((folder / name).glob("*.parquet")) for name in ("once", "again"))
+    assert len(once) == 48
+    assert [(file.name, file.read_bytes()) for file in once] == [(file.name, file.read_bytes()) for file in again]
+
+
+def test_another_prior_is_refused_and_what_is_there_stays(command: Command, folder: Path) -> None:
+    words = ("multiverse", "tiny", "n=128", "decide=0", "workers=1", "--config-dir", "conf")
+    assert command(*words).code == 0
+    before = sorted((folder / "outputs/multiverse/tiny").glob("*.parquet"))
+    done = command(*words, "seed=1")
+    assert done.code == 2
+    assert "was begun with other seed" in done.err
+    assert sorted((folder / "outputs/multiverse/tiny").glob("*.parquet")) == before
+
+
+WRONG = [
+    (("multiverse",), "multiverse: name one study; there are: "),
+    (("multiverse", "tiney"), "did you mean tiny?"),
+    (("multiverse", "tiny", "n=100"), "n=100: must be a multiple of 128"),
+    (("multiverse", "tiny", "n=-16"), "n=-16: must be a whole number of at least 0"),
+    (("multiverse", "tiny", "m=16"), "m=16: unknown key; "),
+    (("multiverse", "smoke", "n=128"), "study/smoke.multiverse: missing; "),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), WRONG, ids=[" ".join(words) for words, _ in WRONG])
+def test_wrong_words_are_told_in_one_line(command: Command, folder: Path, words: tuple[str, ...], said: str) -> None:
+    done = command(*words, "--config-dir", "conf")
+    assert done.code == 2
+    assert said in done.err
+    assert done.err.count("\n") == 1
+    assert not (folder / "outputs").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("implied: [arrives]", "implied: [arrive]", "multiverse.implied=arrive: no such claim; did you mean arrives?"),
+        ("holds: in 80 % of the cases, ", "printed: 3 s, within: 1 s, ", "must have a measure, and hold in a share"),
+    ],
+)
+def test_a_wrong_multiverse_of_a_study_is_told_before_anything_runs(
+    command: Command, folder: Path, old: str, new: str, said: str
+) -> None:
+    file = folder / "conf/study/tiny.yaml"
+    file.write_text(file.read_text().replace(old, new))
+    done = command("multiverse", "tiny", "n=128", "--config-dir", "conf")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert said in done.err
