@@ -11,6 +11,7 @@ from navbench.analysis.factors import Factor, factors_of
 from navbench.analysis.multiverse import conditions, multiverse_of
 from navbench.cli.composing import composing
 from navbench.cli.configuration import cell_of
+from navbench.cli.rebuilding import Base, base_of, set_by
 from navbench.cli.reconstructions import Choice, Drawn, Part, Reconstructions
 from navbench.cli.references import COLUMNS, SELECTIONS
 from navbench.cli.study_configuration import compose_study
@@ -49,11 +50,11 @@ def reconstructions_of(
     cells = [cells[k] for k in needed]
     places = {k: i for i, k in enumerate(needed)}
     factors = factors_of(cell.key() for cell in cells)
-    base = _base(cells, config_dir)
+    base = base_of(cells, config_dir)
     parts: dict[str, Part] = {}
     drawn = []
     for cell in cells:
-        own = [_part(part, thing, cell, factors, base) for part, thing in cell.names._asdict().items()]
+        own = [_part(part, cell, factors, base) for part in cell.names._fields]
         keys = [digest([part.part, part.thing, part.configuration, sorted(part.own)]) for part in own]
         parts |= dict(zip(keys, own, strict=True))
         drawn.append((cell, keys))
@@ -177,26 +178,7 @@ def _matches(cell: Cell, selection: Mapping[str, Any]) -> bool:
     return all(row[word] in values for word, values in wanted.items() if word in COLUMNS and word != "simulator")
 
 
-def _base(cells: Iterable[Cell], config_dir: str | Path | None) -> dict[tuple[str, str], Mapping[str, Any]]:
-    """Return each thing's own configuration, without any cell's overrides."""
-    things = dict.fromkeys((part, thing) for cell in cells for part, thing in cell.names._asdict().items())
-    with composing(config_dir) as composer:
-        return {(part, thing): composer.values("run", [f"{part}={thing}"]).values[part] for part, thing in things}
-
-
-def _part(
-    part: str, thing: str, cell: Cell, factors: Sequence[Factor], base: Mapping[tuple[str, str], Mapping[str, Any]]
-) -> Part:
-    configuration = cell.configuration[part]
+def _part(part: str, cell: Cell, factors: Sequence[Factor], base: Base) -> Part:
+    thing = getattr(cell.names, part)
     moving = tuple(i for i, factor in enumerate(factors) if factor.part == part and thing in factor.things)
-    leaves = dict(_leaves(part, base[part, thing]))
-    own = {place for place, value in _leaves(part, configuration) if place in leaves and leaves[place] != value}
-    return Part(part, thing, configuration, moving, frozenset(own))
-
-
-def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            yield from _leaves(f"{place}.{name}", inner)
-    else:
-        yield place, value
+    return Part(part, thing, cell.configuration[part], moving, set_by(cell, part, base))

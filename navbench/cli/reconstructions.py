@@ -15,22 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.claims import Claim, Entry
-from navbench.analysis.factors import Factor, apply
+from navbench.analysis.factors import Factor
 from navbench.analysis.measuring import MeasureError
 from navbench.analysis.multiverse import Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN
 from navbench.analysis.verdicts import figure_of, verdict
-from navbench.cli.configuration import native_of, without
+from navbench.cli.rebuilding import Made, made_part, moved, rebuilt
 from navbench.cli.sample import Sample
-from navbench.cli.worlds import world_of
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell
 from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
-from navbench.robot import Robot
-from navbench.sensors import Sensors
-from navbench.simulation.options import SimulatorOptions
-from navbench.validation import DescriptionError, describe
+from navbench.validation import DescriptionError
 
 CODES = {"reproduced": HOLDS, "partly": PARTLY, "not_testable": CHAOTIC}
 
@@ -234,7 +230,7 @@ class _Run:
         self.of, self.u = of, u
         self.runs: dict[int, _CellRun] = dict(runs or {})
         self.errors: dict[str, str] = {}  # why a claim could not be measured, by its name
-        self._made: dict[int, Any] = {}
+        self._made: dict[int, Made] = {}
         self.episodes = self.steps = 0
 
     def tell(self, claims: Sequence[int]) -> Told:
@@ -284,16 +280,7 @@ class _Run:
     def _cell(self, index: int) -> Cell:
         """Return a cell as this reconstruction has it."""
         drawn = self.of.cells[index]
-        cell = drawn.cell
-        made = dict(self._part(place) for place in drawn.parts)
-        configuration = {**cell.configuration, **{part: values for part, (values, _) in made.items()}}
-        cell = replace(
-            cell,
-            configuration=configuration,
-            native=made["controller"][1],
-            **{part: made[part][1] for part in ("world", "robot", "sensors")},
-            options=made["simulator"][1],
-        )
+        cell = rebuilt(drawn.cell, dict(self._part(place) for place in drawn.parts))
         if cell.tuning:
             seed = self._chosen("").get("seed", min(drawn.gains))
             seed = seed if seed in drawn.gains else min(drawn.gains)
@@ -307,18 +294,13 @@ class _Run:
         places = zip(self.of.choices, self.u[len(self.of.factors) :], strict=True)
         return {choice.word: choice.at(float(u)) for choice, u in places if choice.of == of}
 
-    def _part(self, index: int) -> tuple[str, tuple[Mapping[str, Any], Any]]:
-        """Return which part it is, its values as this reconstruction has them, and what they describe."""
+    def _part(self, index: int) -> tuple[str, Made]:
+        """Return which part it is, and what is made of it in this reconstruction."""
+        one = self.of.parts[index]
         if index not in self._made:
-            part, thing, configuration, factors, own = self.of.parts[index]
-            values: dict[str, Any] = dict(configuration)
-            for i in factors if self.u is not None else ():
-                assert self.u is not None
-                for place, value in apply(self.of.factors[i], float(self.u[i]), {part: configuration}).items():
-                    if place not in own:
-                        values = _with(values, place.split(".")[1:], value)
-            self._made[index] = (values, _described(part, thing, values))
-        return self.of.parts[index].part, self._made[index]
+            moving = [] if self.u is None else [(self.of.factors[i], float(self.u[i])) for i in one.factors]
+            self._made[index] = made_part(one.part, one.thing, moved(one.part, one.configuration, moving, one.own))
+        return one.part, self._made[index]
 
 
 def _code(claim: Claim, figure: Estimate) -> int:
@@ -327,20 +309,3 @@ def _code(claim: Claim, figure: Estimate) -> int:
         side, number = claim.threshold
         return HOLDS if (figure.value < number if side == "below" else figure.value > number) else FAILS
     return CODES.get(verdict(claim, figure)[0], FAILS)
-
-
-def _with(values: Mapping[str, Any], path: Sequence[str], value: Any) -> dict[str, Any]:
-    """Return a mapping with another value at a place."""
-    first, *rest = path
-    return {**values, first: _with(values[first], rest, value) if rest else value}
-
-
-def _described(part: str, thing: str, values: Mapping[str, Any]) -> Any:
-    """Return what a part's values describe; of a controller what it was drawn for."""
-    if part == "controller":
-        return native_of(values.get("native"))[0]
-    if part == "world":
-        return world_of(values, thing)[0]
-    if part == "simulator":
-        return describe(SimulatorOptions, without(values, "_target_"), part)
-    return describe({"robot": Robot, "sensors": Sensors}[part], values, part)

@@ -13,12 +13,14 @@ HELP = """navbench study NAME: run what is missing of a study into outputs/study
 
   engine=local                                      where to run
   workers=N                                         processes; default one a core
+  reconstruction=best                               as the best reconstruction of its multiverse has it, which is fitted
+                                                    to the printed numbers, into results/NAME/best
   resume=other-code                                 keep what was run before navbench or a controller was changed
   --config-dir DIR                                  a folder with further studies, controllers, worlds and robots
 
 The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
 """
-KEYS = ("engine", "workers")
+KEYS = ("engine", "workers", "reconstruction")
 
 
 def study(arguments: Sequence[str]) -> int:
@@ -30,32 +32,38 @@ def study(arguments: Sequence[str]) -> int:
         raise DescriptionError(f"{given}: name one study; {instead(given[6:], known, 'there are')}")
     options = _options(words.overrides)
     from navbench.cli.flow import carry_out
+    from navbench.cli.rebuilding import fitted
     from navbench.cli.report import print_written
     from navbench.cli.study_configuration import compose_study
     from navbench.experiments.engines import in_processes
     from navbench.experiments.store import Results
     from navbench.report.reports import write_report
 
-    name = words.names[0]
+    name, best = words.names[0], options.pop("reconstruction")
+    out = Path("results") / name / (best or "")
 
     def finish(results: Results) -> int:
         each = partial(in_processes, **options)
-        return print_written(write_report([results], Path("results") / name, each, trust=True))
+        return print_written(write_report([results], out, each, trust=True))
 
-    plan, path = compose_study(name, words.config_dir), Path("outputs/study") / name
+    plan, path = compose_study(name, words.config_dir), Path("outputs/study") / "-".join(filter(None, (name, best)))
+    if best:
+        plan = fitted(plan, Path("results") / name / "multiverse" / "best.json", words.config_dir)
     return carry_out(plan, path, ["study", *arguments], finish, other_code=words.other_code, **options)
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:
     from navbench.experiments.engines import ENGINES
 
-    options: dict[str, Any] = {"engine": "local", "workers": None}
+    options: dict[str, Any] = {"engine": "local", "workers": None, "reconstruction": None}
     for word in overrides:
         key, _, value = word.partition("=")
         if key not in KEYS:
             raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with a study')}")
         if key == "engine" and value not in ENGINES:
             raise DescriptionError(f"engine={value}: unknown choice; {instead(value, ENGINES)}")
+        if key == "reconstruction" and value != "best":
+            raise DescriptionError(f"{word}: {instead(value, ['best'])}")
         if key == "workers" and not (value.isdecimal() and int(value) >= 1):
             raise DescriptionError(f"workers={value}: must be a whole number of at least 1")
         options[key] = int(value) if key == "workers" else value

@@ -20,6 +20,7 @@ from navbench.report.figures import save_figure
 from navbench.report.reports import write_document
 from navbench.report.shares import VERDICTS, chart, curves
 
+BEST = "best.json"
 CURVES_MAX = 6  # claims of which the curve is drawn
 
 
@@ -74,7 +75,23 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
         ],
     )
     write_table(out / "prior.json", json.dumps(told.prior, indent=1) + "\n")
+    if best:
+        write_table(out / BEST, json.dumps(_point(told, best), indent=1) + "\n")
     return write_document(document, out)
+
+
+def _point(told: Told, best: Fit) -> dict[str, Any]:
+    """Return where the best reconstruction lies and what holds there, for ``reconstruction=best`` of a study."""
+    row = told.drawn.rows.iloc[best.row]
+    names = [factor.name for factor in told.factors]
+    return {
+        "scramble": int(row["scramble"]),
+        "index": int(row["index"]),
+        "seed": told.prior["seed"],
+        "claims": [entry.name for entry in best.claims],
+        "holds": [entry.name for entry, holds in zip(best.claims, best.holds, strict=True) if holds],
+        "point": dict(zip(names, map(float, told.drawn.u[best.row]), strict=False)),
+    }
 
 
 def _together(best: Fit) -> str:

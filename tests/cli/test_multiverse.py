@@ -35,7 +35,7 @@ claims:
 multiverse:
   admissible: {there: {says: it arrives, holds: in 80 % of the cases, measure: share_reached, of: {cell: line}}}
   implied: [arrives]
-report: []
+report: [{name: verdicts, title: Claims, groups: {}}]
 """
 LOW, HIGH = 0.1, 0.3333  # the range of go_to_goal's speed
 SHARE = (1.95 / 7.95 - 1.95 / 12.05) / (HIGH - LOW)  # of it in which the line takes 10.0 s, to its decimals, within 2 s
@@ -69,6 +69,12 @@ def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor
     assert deciding["flips"] == pytest.approx(2.0 * SHARE * (1.0 - SHARE), abs=0.1)
     entropy = -SHARE * np.log2(SHARE) - (1.0 - SHARE) * np.log2(1.0 - SHARE)
     assert 0.75 * entropy < deciding["bits"] <= entropy + 0.01
+    done = command("study", "tiny", "reconstruction=best", "workers=1", "--config-dir", "conf")
+    assert done.code == 0, done.err
+    best: dict[Any, Any] = pd.read_csv("results/tiny/best/claims.csv").set_index("id").to_dict("index")
+    assert (best["time"]["verdict"], best["time"]["evidence"]) == ("not_testable", "fitted")
+    assert 7.95 <= best["time"]["measured"] <= 12.05
+    assert best["time-set"]["measured"] == pytest.approx(10.0, abs=0.05)
     prior = json.loads((folder / "results/tiny/multiverse/prior.json").read_text())
     assert prior["factors"][0]["name"] == "go_to_goal.speed_mps"
     assert prior["factors"][0]["of"] == {"build.speed_mps": {"range": [LOW, HIGH]}}
@@ -134,6 +140,13 @@ def test_wrong_words_are_told_in_one_line(command: Command, folder: Path, words:
     assert said in done.err
     assert done.err.count("\n") == 1
     assert not (folder / "outputs").exists()
+
+
+def test_the_best_reconstruction_is_there_only_after_a_multiverse(command: Command, folder: Path) -> None:
+    done = command("study", "tiny", "reconstruction=best", "--config-dir", "conf")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "results/tiny/multiverse/best.json: missing; `navbench multiverse tiny` writes it" in done.err
+    assert command("study", "tiny", "reconstruction=worst", "--config-dir", "conf").code == 2
 
 
 @pytest.mark.parametrize(

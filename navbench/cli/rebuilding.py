@@ -1,0 +1,151 @@
+"""Cells with other values of what their sources leave open: as another reader might have rebuilt them."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from navbench.analysis.factors import Factor, apply, factors_of
+from navbench.cli.composing import composing
+from navbench.cli.configuration import native_of, without
+from navbench.cli.worlds import world_of
+from navbench.experiments.cells import Cell
+from navbench.experiments.plan import Plan
+from navbench.robot import Robot
+from navbench.sensors import Sensors
+from navbench.simulation.options import SimulatorOptions
+from navbench.validation import DescriptionError, describe
+
+Base = Mapping[tuple[str, str], Mapping[str, Any]]  # by part and thing the thing's own configuration
+
+
+class Made(NamedTuple):
+    """A part of a cell: its plain values, and what they describe (of a controller what it was drawn for)."""
+
+    values: Mapping[str, Any]
+    thing: Any
+
+
+def base_of(cells: Iterable[Cell], config_dir: str | Path | None = None) -> Base:
+    """Return the configuration of each thing that some cells use, without any cell's overrides."""
+    things = dict.fromkeys((part, thing) for cell in cells for part, thing in cell.names._asdict().items())
+    with composing(config_dir) as composer:
+        return {(part, thing): composer.values("run", [f"{part}={thing}"]).values[part] for part, thing in things}
+
+
+def set_by(cell: Cell, part: str, base: Base) -> frozenset[str]:
+    """Return the dotted places of a cell's part at which its own overrides set a value."""
+    leaves = dict(_leaves(part, base[part, getattr(cell.names, part)]))
+    own = _leaves(part, cell.configuration[part])
+    return frozenset(place for place, value in own if place in leaves and leaves[place] != value)
+
+
+def moved(
+    part: str, values: Mapping[str, Any], to: Iterable[tuple[Factor, float]], own: frozenset[str]
+) -> Mapping[str, Any]:
+    """Return a part's values with factors moved.
+
+    Args:
+        part: which part.
+        values: as they are.
+        to: factors of this part, each with where in its range, in [0, 1].
+        own: dotted places whose values stay.
+    """
+    found = values
+    for factor, u in to:
+        for place, value in apply(factor, u, {part: values}).items():
+            if place not in own:
+                found = _with(found, place.split(".")[1:], value)
+    return found
+
+
+def made_part(part: str, name: str, values: Mapping[str, Any]) -> Made:
+    """Return what a part's values describe, checked.
+
+    Raises:
+        DescriptionError: they describe nothing.
+    """
+    if part == "controller":
+        return Made(values, native_of(values.get("native"))[0])
+    if part == "world":
+        return Made(values, world_of(values, name)[0])
+    if part == "simulator":
+        return Made(values, describe(SimulatorOptions, without(values, "_target_"), part))
+    return Made(values, describe({"robot": Robot, "sensors": Sensors}[part], values, part))
+
+
+def rebuilt(cell: Cell, parts: Mapping[str, Made]) -> Cell:
+    """Return a cell of other parts."""
+    return replace(
+        cell,
+        configuration={**cell.configuration, **{part: made.values for part, made in parts.items()}},
+        native=parts["controller"].thing,
+        world=parts["world"].thing,
+        robot=parts["robot"].thing,
+        sensors=parts["sensors"].thing,
+        options=parts["simulator"].thing,
+    )
+
+
+def at_point(
+    cells: Sequence[Cell], point: Mapping[str, float], fitted: Mapping[str, Any], config_dir: str | Path | None = None
+) -> list[Cell]:
+    """Return cells with some factors moved, whose sources say that they were fitted.
+
+    Args:
+        cells: the cells.
+        point: where in its range each factor lies, by its name.
+        fitted: the source of what is moved.
+        config_dir: as after ``--config-dir``.
+    """
+    factors = [factor for factor in factors_of(cell.key() for cell in cells) if factor.name in point]
+    base = base_of(cells, config_dir)
+    found = []
+    for cell in cells:
+        parts, sources = {}, dict(cell.sources)
+        for part, name in cell.names._asdict().items():
+            own = set_by(cell, part, base)
+            to = [(f, point[f.name]) for f in factors if f.part == part and name in f.things]
+            parts[part] = made_part(part, name, moved(part, cell.configuration[part], to, own))
+            changed = {key: fitted for factor, _ in to for key in factor.members if f"{part}.{key}" not in own}
+            sources[part] = {**sources[part], **changed}
+        found.append(replace(rebuilt(cell, parts), sources=sources))
+    return found
+
+
+def fitted(plan: Plan, file: Path, config_dir: str | Path | None = None) -> Plan:
+    """Return a study's plan with its cells as the best reconstruction of its multiverse has them.
+
+    What its tunings found stays: they search in the study's own reconstruction.
+
+    Args:
+        plan: of the study.
+        file: where that reconstruction stands.
+        config_dir: as after ``--config-dir``.
+
+    Raises:
+        DescriptionError: there is no such file; the study's multiverse writes it.
+    """
+    study = dict(plan.study or {})
+    if not file.is_file():
+        raise DescriptionError(f"{file}: missing; `navbench multiverse {study['name']}` writes it")
+    told = json.loads(file.read_text(encoding="utf-8"))
+    source = {"fitted": "as in the reconstruction that meets most printed numbers", "claims": told["claims"]}
+    title = f"{study['title']}, in the reconstruction that meets most printed numbers"
+    cells = tuple(at_point(plan.cells, told["point"], source, config_dir))
+    return replace(plan, cells=cells, study={**study, "title": title})
+
+
+def _with(values: Mapping[str, Any], path: Sequence[str], value: Any) -> dict[str, Any]:
+    """Return a mapping with another value at a place."""
+    first, *rest = path
+    return {**values, first: _with(values[first], rest, value) if rest else value}
+
+
+def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(f"{place}.{name}", inner)
+    else:
+        yield place, value
