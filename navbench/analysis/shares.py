@@ -4,6 +4,7 @@ A share is one of our prior: of the ranges and choices that the sources of a stu
 and uniformly. Its interval tells how well the sample knows it, not how well the prior knows the paper.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -125,11 +126,28 @@ def shares_of(drawn: Drawn, claims: Sequence[Entry], multiverse: Multiverse) -> 
         claims: the claims, and among them what makes a reconstruction admissible.
         multiverse: what the study says of it.
     """
-    rows = drawn.rows
-    conditions = [entry.name for entry in claims if entry.kind == KIND]
-    admissible = np.all([rows[f"code:{name}"] == HOLDS for name in conditions], axis=0)
-    meets = admissible & _meets(rows, {entry.name: entry.claim for entry in claims}, multiverse.conditioned)
+    admissible = admissible_of(drawn, claims)
+    meets = admissible & _meets(drawn.rows, {entry.name: entry.claim for entry in claims}, multiverse.conditioned)
     return [_shares(drawn, entry, admissible, meets, multiverse) for entry in claims if entry.kind != KIND]
+
+
+def admissible_of(drawn: Drawn, claims: Sequence[Entry]) -> BoolArray:
+    """Return (rows,) which reconstructions do all that makes them the paper's."""
+    found = np.ones(len(drawn.rows), dtype=bool)
+    for entry in claims:
+        if entry.kind == KIND:
+            found &= (drawn.rows[f"code:{entry.name}"] == HOLDS).to_numpy()
+    return found
+
+
+def halves(drawn: Drawn, claim: str) -> float:
+    """Return by how many standard errors a claim's share differs between the two halves of the scrambles."""
+    shares = (drawn.codes(claim) == HOLDS).mean(axis=1)
+    first, second = np.array_split(shares, 2)
+    if len(second) < 2 or np.ptp(shares) == 0.0:
+        return 0.0
+    error = math.sqrt(first.var(ddof=1) / len(first) + second.var(ddof=1) / len(second))
+    return float(abs(first.mean() - second.mean()) / error) if error else math.inf
 
 
 def _shares(drawn: Drawn, entry: Entry, admissible: BoolArray, meets: BoolArray, multiverse: Multiverse) -> Shares:

@@ -79,9 +79,10 @@ def _finish(of: "Reconstructions", samples: "Samples") -> int:
     drawn = Drawn(rows, places(prior["seed"], len(of.names), rows), of.names, of.reaches, samples.even(MOVED))
     out = Path("results") / name
     claims = read_claims(out / "claims.csv")
-    here = dict(zip(claims["id"], claims["verdict"], strict=True))
-    told = Told(name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, prior)
+    here, measured = (dict(zip(claims["id"], claims[column], strict=True)) for column in ("verdict", "measured"))
+    told = Told(name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior)
     files = write_multiverse(told, out / "multiverse")
+    samples.publish(rows, out / "multiverse" / "reconstructions.parquet")
     print(f"report: {files[0]} ({len(files)} files)")
     return 0
 

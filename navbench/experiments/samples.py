@@ -73,6 +73,15 @@ class Samples:
         whole = int((there.max() + 1).min())
         return rows[rows["index"] < whole].reset_index(drop=True)
 
+    def publish(self, rows: "pd.DataFrame", file: Path) -> None:
+        """Write a sample as one small file: where it lies follows from scramble, index and the prior's seed."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table = pa.Table.from_pandas(rows.drop(columns=[SECONDS, "moved"]), preserve_index=False)
+        with replacing(file) as temporary:
+            pq.write_table(table.replace_schema_metadata(), temporary, compression="zstd", compression_level=19)
+
     def read(self, kind: str) -> "pd.DataFrame":
         """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any."""
         import pandas as pd

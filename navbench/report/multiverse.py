@@ -7,18 +7,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navbench.analysis.claims import Entry
 from navbench.analysis.factors import Factor
 from navbench.analysis.fitting import Fit, fit
 from navbench.analysis.multiverse import KIND, Multiverse
-from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, shares_of, worth
+from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, admissible_of, halves, shares_of, worth
 from navbench.experiments.store import write_table
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Plot, Table
 from navbench.report.figures import save_figure
 from navbench.report.reports import write_document
-from navbench.report.shares import VERDICTS, chart, curves
+from navbench.report.shares import VERDICTS, chart, curves, numbers
 
 BEST = "best.json"
 CURVES_MAX = 6  # claims of which the curve is drawn
@@ -35,6 +36,7 @@ class Told(NamedTuple):
         multiverse: what the study says of it.
         factors: the factors among the dimensions.
         here: the verdict of each claim in the study's own results; empty where these are not at hand.
+        measured: what was measured there.
         prior: what was drawn and asked, as it was written down before.
     """
 
@@ -45,6 +47,7 @@ class Told(NamedTuple):
     multiverse: Multiverse
     factors: Sequence[Factor]
     here: Mapping[str, str]
+    measured: Mapping[str, float]
     prior: Mapping[str, Any]
 
 
@@ -62,6 +65,9 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
             "the share over all"
         )
         plots.append(Plot("curves", caption))
+    if best and any(best.printed):
+        save_figure(numbers(told.drawn, best, _admissible(told), told.measured), out, "numbers")
+        plots.append(Plot("numbers", "The printed numbers that do not follow from each other, beside what is measured"))
     document = Document(
         f"{told.title}: in how many reconstructions its claims hold",
         [
@@ -71,7 +77,7 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
             *_fitted(best),
             *_deciding(shares),
             *_factors(told, shares),
-            *_made(told),
+            *_made(told, shares),
         ],
     )
     write_table(out / "prior.json", json.dumps(told.prior, indent=1) + "\n")
@@ -239,10 +245,15 @@ def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
     return [Heading("What the paper leaves open"), Paragraph(text), Table("factors", columns, rows)]
 
 
-def _made(told: Told) -> list[Block]:
+def _admissible(told: Told) -> NDArray[np.bool_]:
+    """Return which reconstructions are admissible."""
+    return admissible_of(told.drawn, told.claims)
+
+
+def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
     rows, moved = told.drawn.rows, told.drawn.moved
     conditions = [entry for entry in told.claims if entry.kind == KIND]
-    admissible = int(np.all([rows[f"code:{entry.name}"] == HOLDS for entry in conditions], axis=0).sum())
+    admissible, apart = int(_admissible(told).sum()), sum(halves(told.drawn, one.claim.name) > 1.96 for one in shares)
     episodes, steps = int(rows["episodes"].sum()), int(rows["steps"].sum())
     seconds = float(rows["seconds"].sum())
     scrambles = rows["scramble"].nunique()
@@ -256,6 +267,8 @@ def _made(told: Told) -> list[Block]:
         f"interval over these does not settle it. {int((rows['possible'] == 0).sum())} reconstructions were "
         "impossible, such as a robot within a wall; no claim holds in them.",
         f"{admissible} reconstructions are admissible: {'; '.join(entry.claim.says for entry in conditions)}.",
+        f"Between the two halves of the scrambles, which are independent, the share of {apart} of {len(shares)} claims "
+        "differs by more than 1.96 standard errors.",
         f"Each dimension was moved alone in {int((moved['moved'] == -1).sum()) if len(moved) else 0} reconstructions.",
         "The prior was written down before the first reconstruction was run.",
     ]

@@ -5,7 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from navbench.analysis.fitting import Fit
+from navbench.analysis.printed import quantity
 from navbench.analysis.shares import CONTRADICTED, HOLDS, ROBUST, Drawn, Shares
 from navbench.mathematics.statistics import wilson
 from navbench.report.figures import PALETTE
@@ -90,6 +93,41 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares) -> None:
     axes.title.set_fontsize(8)
     axes.set_xlabel(f"{name}, from least to most", fontsize=7)
     axes.tick_params(labelsize=7)
+
+
+def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mapping[str, float]) -> "Figure":
+    """Return each printed number beside what is measured: its range over admissible reconstructions, here and at best.
+
+    Args:
+        drawn: the sample.
+        best: where most of them hold together.
+        admissible: (rows,) which reconstructions are the paper's.
+        here: what the study's own results measure, by the claims' names.
+    """
+    from matplotlib.figure import Figure
+
+    told = [(k, entry) for k, entry in enumerate(best.claims) if best.printed[k] != 0.0]
+    figure = Figure(figsize=(8.0, 1.3 + 0.24 * len(told)), layout="constrained")
+    axes = figure.subplots()
+    for y, (k, entry) in enumerate(told):
+        values = drawn.rows[f"value:{entry.name}"].to_numpy(np.float64)[admissible] / best.printed[k]
+        values = values[np.isfinite(values)]
+        size, unit = quantity("within", entry.claim.within)
+        width = size / 100.0 if unit == "%" else size / abs(best.printed[k])
+        axes.barh(y, 2.0 * width, left=1.0 - width, height=0.8, color="#e3f1ea", zorder=0)
+        if len(values):
+            axes.plot(np.quantile(values, [0.05, 0.95]), [y, y], color="#888888", lw=2, solid_capstyle="butt")
+        axes.plot(here.get(entry.name, math.nan) / best.printed[k], y, "o", color=PALETTE[1], ms=5)
+        axes.plot(best.values[k] / best.printed[k], y, "D", color=PALETTE[0], ms=4)
+    axes.axvline(1.0, color="#222222", lw=0.8)
+    axes.set_yticks(range(len(told)), [entry.name for _, entry in told], fontsize=7)
+    axes.set(ylim=(len(told) - 0.4, -0.6), xlabel="measured / printed")
+    axes.plot([], [], "o", color=PALETTE[1], label="the study's own results")
+    axes.plot([], [], "D", color=PALETTE[0], ms=4, label="where most numbers hold together (fitted)")
+    axes.plot([], [], color="#888888", lw=2, label="90 % of the admissible reconstructions")
+    axes.barh(0, 0, color="#e3f1ea", label="the claim's tolerance")
+    figure.legend(loc="outside lower center", ncols=2, fontsize=7, frameon=False)
+    return figure
 
 
 def strips(shares: Mapping[str, "pd.DataFrame"]) -> "Figure":
