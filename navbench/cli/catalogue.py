@@ -1,12 +1,13 @@
 """What there is to choose from: each group's files with the first line of each."""
 
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 import yaml
 
 import navbench.conf
+from navbench.importing import import_named
+from navbench.reading import flat
 from navbench.validation import DescriptionError
 
 CONF = Path(navbench.conf.__file__).parent
@@ -62,7 +63,7 @@ def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
         width = max(map(len, names), default=0)
         for name, title in names.items():
             compiled = " [compiled]" if group == "controller" and _is_compiled(name, folders) else ""
-            print(f"  {name:<{width}}  {title}{compiled}".rstrip())
+            print(flat(f"  {name:<{width}}  {title}{compiled}".rstrip()))
 
 
 def _is_compiled(name: str, folders: Sequence[Path]) -> bool:
@@ -86,7 +87,7 @@ def _is_compiled(name: str, folders: Sequence[Path]) -> bool:
             ]
             return any(_is_compiled(parent, folders) for parent in parents)
         module, _, kind = target.rpartition(".")
-        return issubclass(getattr(import_module(module), kind), CompiledController)
+        return issubclass(getattr(import_named(module), kind), CompiledController)
     except Exception:  # whatever is wrong with it, a run says
         return False
 

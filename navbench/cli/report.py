@@ -47,6 +47,8 @@ def report(arguments: Sequence[str]) -> int:
     study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
     own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder
     out = given.get("out", Path("results") / study if own else runs[0].path / "report")
+    if "out" not in given and out.is_symlink():
+        raise DescriptionError(f"{out}: is a link; name where the report is to go, as out=DIR")
     return print_written(write_report(runs, out, trust=words.trust, config_dir=words.config_dir))
 
 

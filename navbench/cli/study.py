@@ -14,6 +14,7 @@ HELP = """navbench study NAME: run what is missing of a study into outputs/study
   engine=local                                      where to run
   workers=N                                         processes; default one a core
   resume=other-code                                 keep what was run before navbench or a controller was changed
+  --overwrite                                       remove finished parts that are there and not of this study any more
   --config-dir DIR                                  a folder with further studies, controllers, worlds and robots
 
 The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
@@ -23,7 +24,7 @@ KEYS = ("engine", "workers")
 
 def study(arguments: Sequence[str]) -> int:
     """Run what is missing of a study, and write its report."""
-    words = sort_words(arguments)
+    words = sort_words(arguments, ("--config-dir", "--overwrite"))
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["study", *words.names])
@@ -43,7 +44,7 @@ def study(arguments: Sequence[str]) -> int:
         return print_written(write_report([results], Path("results") / name, each, trust=True))
 
     plan, path = compose_study(name, words.config_dir), Path("outputs/study") / name
-    return carry_out(plan, path, ["study", *arguments], finish, other_code=words.other_code, **options)
+    return carry_out(plan, path, ["study", *arguments], finish, **words.kept, **options)
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navbench.analysis.evidence import EVIDENCE
 from navbench.analysis.verdicts import CHECK_VERDICTS, COLUMNS, HYPOTHESIS_VERDICTS, VERDICTS
+from navbench.experiments.schema import LONGEST
 from navbench.experiments.store import write_table
+from navbench.reading import bounded
 from navbench.report.claims import measured_figure, plain, printed_figure
 from navbench.report.document import Block, Column, Document, Heading, Lines, Paragraph, Table
 from navbench.report.markdown import render
@@ -89,7 +91,7 @@ def read_study(path: Path) -> Found:
     """
     file = path / "findings.json"
     try:
-        told = json.loads(file.read_text())
+        told = json.loads(bounded(file, LONGEST))
         found = Found(
             path.name,
             told["title"],
