@@ -19,7 +19,7 @@ from navbench.report.document import (
 )
 
 TAG = re.compile(r"<(?=[A-Za-z/!?])")
-LINK = re.compile(r"\]\((?!\s*(?:https?://|[\w./%#~+-]*[\s)]))")  # to what is neither on the web nor a file
+LINK = re.compile(r"\]\((?!\s*(?:https?://|[\w./%#~+-]+[\s)]|\)))")  # to what is neither on the web nor a file
 NAMED = re.compile(r"^([\s>*+-]*\[[^\]\n]+\]):", re.M)  # a link's target in a line of its own
 PICTURE = re.compile(r"!(?=\[)")
 NUMBER = re.compile(r"[-+\[]*(\d|inf\b)")
