@@ -16,7 +16,7 @@ from stored import a_cell, a_record, store
 
 from navbench.reading import check_name, flat, printable
 from navbench.report import latex, markdown
-from navbench.report.document import Column, Document, Finding, Heading, Lines, Paragraph, Plot, Table
+from navbench.report.document import Block, Column, Document, Finding, Heading, Lines, Paragraph, Plot, Table
 from navbench.validation import DescriptionError
 
 ESC = "\x1b]0;owned\x07"
@@ -240,7 +240,7 @@ HOSTILE = [
 
 def rendered(text: str) -> str:
     table = Table("", [Column(text), Column("b")], [[text, text]])
-    blocks = [Heading(text), Paragraph(text), Lines([text]), Finding(re.sub(r"[{}]", "", text), {}), table]
+    blocks: list[Block] = [Heading(text), Paragraph(text), Lines([text]), Finding(re.sub(r"[{}]", "", text), {}), table]
     return markdown.render(Document(text, [*blocks, Plot("a", text)], text))
 
 

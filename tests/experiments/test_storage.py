@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -17,6 +18,7 @@ from commands import NAVBENCH, Command
 from stored import a_cell, a_record, store
 
 from navbench.cli.configuration import compose_cell
+from navbench.cli.study_configuration import compose_tuning
 from navbench.experiments import files, parts
 from navbench.experiments.parts import DAMAGED, UNSEALED
 from navbench.experiments.plan import Plan
@@ -251,3 +253,74 @@ def test_a_part_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatc
     monkeypatch.setattr(os, "replace", replaced)
     parts.write(tmp_path, "episodes/part-a.parquet", pa.table({"a": [1]}), {})
     assert told == ["file", "rename", "directory"]
+
+
+# Tunings
+
+
+def tuning_plan(cells: bool = False) -> Plan:
+    words = ["controller=pid", "tuner=pso", "objective=ise", "world=corner", "budget=30", "world.time_limit_s=0.5"]
+    tuning, _, _ = compose_tuning([*words, "verify=null"])
+    tuned = [replace(cell, tuning=tuning.name, tuning_seed=tuning.seed) for cell in tuning.cells] if cells else []
+    return Plan(cells=(*tuning.cells, *tuned), tunings=(tuning,), study={"name": "tune it"})
+
+
+def told_by(plan: Plan, path: Path) -> list[int]:
+    """Run a plan and return after which evaluations it told how far it is."""
+    told: list[tuple[str, int, int]] = []
+    run_plan(plan, path, 1, progress=lambda *words: told.append(words))
+    return [done for what, done, _ in told if what.endswith("evaluations")]
+
+
+def test_a_tuning_whose_last_generation_was_written_half_goes_on_from_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = run_plan(tuning_plan(), tmp_path / "whole", 1).results
+    replace_, names = os.replace, list[str]()
+
+    def dies(source: str, target: Path) -> None:
+        names.append(Path(target).name)
+        if len([name for name in names if name.startswith("unfinished")]) == 3:
+            raise KeyboardInterrupt  # between the temporary file and its name
+        replace_(source, target)
+
+    monkeypatch.setattr(os, "replace", dies)
+    with pytest.raises(KeyboardInterrupt):
+        run_plan(tuning_plan(), tmp_path / "stopped", 1)
+    monkeypatch.setattr(os, "replace", replace_)
+    assert told_by(tuning_plan(), tmp_path / "stopped") == [30]
+    assert Results(tmp_path / "stopped").evaluations().equals(whole.evaluations())
+
+
+def test_evaluations_that_are_damaged_are_named_and_searched_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = run_plan(tuning_plan(), tmp_path, 1).results.evaluations()
+    (file,) = (tmp_path / "evaluations").iterdir()
+    file.write_bytes(flipped(file.read_bytes(), 999))
+    assert told_by(tuning_plan(), tmp_path) == [10, 20, 30]
+    assert f"evaluations/{file.name}: damaged" in caplog.text
+    assert Results(tmp_path).evaluations().equals(whole)
+
+
+def test_checks_that_are_missing_are_made_without_another_search(tmp_path: Path) -> None:
+    whole = run_plan(tuning_plan(), tmp_path, 1).results.checks()
+    next((tmp_path / "checks").iterdir()).unlink()
+    assert told_by(tuning_plan(), tmp_path) == []
+    assert Results(tmp_path).checks().equals(whole)
+
+
+def test_parts_of_an_earlier_tuning_of_the_plan_are_no_other_work(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    results = run_plan(tuning_plan(cells=True), tmp_path, 1).results
+    before = {file.name for file in (tmp_path / "episodes").iterdir()}
+    (evaluations,) = results.parts("evaluations")
+    table = parts.read(tmp_path, f"evaluations/{evaluations}")
+    costs = pa.array([*table["cost"].to_pylist()[:-1], -1.0])  # as if other code had found the last one best
+    other = table.set_column(table.schema.names.index("cost"), "cost", costs)
+    parts.write(tmp_path, f"evaluations/{evaluations}", other, {"code": results.code_of("evaluations", evaluations)})
+    run_plan(tuning_plan(cells=True), tmp_path, 1)
+    assert "1 parts of an earlier tuning are removed" in caplog.text
+    after = {file.name for file in (tmp_path / "episodes").iterdir()}
+    assert (len(before), len(after), len(before & after)) == (2, 2, 1)
