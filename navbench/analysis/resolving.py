@@ -2,10 +2,10 @@
 
 import inspect
 from collections.abc import Callable, Iterable, Sequence
-from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from navbench.importing import import_named
 from navbench.raised import one_line
 from navbench.validation import DescriptionError, instead
 
@@ -29,11 +29,11 @@ def resolve(key: str, name: str, home: str, *, trust: bool) -> Callable[..., Any
     if not trust and lies_outside(name):
         raise DescriptionError(f"{key}={name}: lies outside navbench; --trust lets stored results name it")
     try:
-        found = getattr(import_module(module or home), last, None)
+        found = getattr(import_named(module or home), last, None)
     except Exception as error:  # a user's module may raise anything
         raise DescriptionError(f"{key}={name}: cannot be imported: {one_line(error)}") from None
     if last.startswith("_") or not inspect.isfunction(found) or not (trust or found.__module__.startswith(OWN)):
-        there = instead(last, _public(import_module(module or home)))
+        there = instead(last, _public(import_named(module or home)))
         raise DescriptionError(f"{key}={name}: there is no such function; {there}, or module.function")
     return found
 

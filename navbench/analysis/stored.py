@@ -66,7 +66,8 @@ class StoredResults:
     @cached_property
     def rows(self) -> "pd.DataFrame":
         """The table of episodes as it is stored, with the episodes of which no layout could be drawn."""
-        return self.results.episodes()
+        rows = self.results.episodes()
+        return rows[rows["run_id"].isin(list(self._entries))]  # others may stand there while a study is changed
 
     @cached_property
     def episodes(self) -> "pd.DataFrame":

@@ -8,13 +8,13 @@ import re
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
 from navbench.contract import Controller
+from navbench.importing import import_named
 from navbench.raised import one_line, own_line
 from navbench.records import Names
 from navbench.sensors import Sensors
@@ -117,7 +117,7 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
     if not module or not name:
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     try:
-        found = getattr(import_module(module), name)
+        found = getattr(import_named(module), name)
     except DescriptionError as error:  # of a module that says itself what it needs
         raise DescriptionError(f"{complaint} {error}") from None
     except Exception as error:  # a user's module may raise anything

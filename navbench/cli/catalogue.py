@@ -1,12 +1,14 @@
 """What there is to choose from: each group's files with the first line of each."""
 
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 import yaml
 
 import navbench.conf
+from navbench.cli.limits import check_file
+from navbench.importing import import_named
+from navbench.reading import flat
 from navbench.validation import DescriptionError
 
 CONF = Path(navbench.conf.__file__).parent
@@ -29,10 +31,10 @@ def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
 
 
 def check_folder(folder: Path) -> None:
-    """Check that a user's folder is there, that none of its files hides behind one of navbench's own, and all are text.
+    """Check that a user's folder is there, that none of its files hides one of navbench's own, and all can be read.
 
     Raises:
-        DescriptionError: there is no such folder, or one of its files has a name that is taken or is not in UTF-8.
+        DescriptionError: there is no such folder, or a file in it has a name that is taken or cannot be read.
     """
     if not folder.is_dir():
         raise DescriptionError(f"--config-dir={folder}: there is no such folder")
@@ -46,10 +48,7 @@ def check_folder(folder: Path) -> None:
         if (CONF / place).exists() and not file.samefile(CONF / place):
             what = place.parts[0] if len(place.parts) > 1 else "file"
             raise DescriptionError(f"{file}: navbench has a {what} of that name; choose another one")
-        try:
-            file.read_text(encoding="utf-8")
-        except UnicodeDecodeError as error:
-            raise DescriptionError(f"{file}: must be text in UTF-8; its byte {error.start + 1} is none") from None
+        check_file(file)
     if (folder / "schema").exists():
         raise DescriptionError(f"{folder / 'schema'}: the schemas are navbench's own; choose another name")
 
@@ -62,7 +61,7 @@ def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
         width = max(map(len, names), default=0)
         for name, title in names.items():
             compiled = " [compiled]" if group == "controller" and _is_compiled(name, folders) else ""
-            print(f"  {name:<{width}}  {title}{compiled}".rstrip())
+            print(flat(f"  {name:<{width}}  {title}{compiled}".rstrip()))
 
 
 def _is_compiled(name: str, folders: Sequence[Path]) -> bool:
@@ -86,7 +85,7 @@ def _is_compiled(name: str, folders: Sequence[Path]) -> bool:
             ]
             return any(_is_compiled(parent, folders) for parent in parents)
         module, _, kind = target.rpartition(".")
-        return issubclass(getattr(import_module(module), kind), CompiledController)
+        return issubclass(getattr(import_named(module), kind), CompiledController)
     except Exception:  # whatever is wrong with it, a run says
         return False
 

@@ -34,7 +34,7 @@ def carry_out(
         again: the words of the command line that goes on where this one stops.
         finish: prints and writes what the results are for, when all was run that could be; may return an exit code.
         missing: how many episodes were asked for but are not in the plan, for their cells cannot be run.
-        options: workers, engine and other_code of ``run_plan``.
+        options: workers, engine, other_code and overwrite of ``run_plan``.
 
     Raises:
         DescriptionError: nothing of it can be run.

@@ -21,6 +21,7 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench multiverse aouf2019                      ask its claims in many reconstructions of what the paper leaves open
   navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, and run nothing
   navbench report join=results                      join the reports in that directory into its README.md
+  navbench verify DIR...                            say whether results are whole, complete and of the installed code
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each
 
@@ -34,17 +35,19 @@ keys of a run or sweep
   hydra.run.dir=DIR hydra.sweep.dir=DIR             where the results go; default outputs/DATE/TIME-...; what an
                                                     earlier call with the same words finished there is kept
   resume=other-code                                 keep it even where code that makes results has changed since
+  --overwrite                                       remove finished parts that are there and not of this work; without
+                                                    it such a directory is refused
 
 options
   -m, --multirun                                    sweep over comma-separated values
   --config-dir DIR                                  add your own controllers, worlds and robots
   --cfg job                                         print the composed configuration and run nothing
-  --version, -h, --help                             also after tune, study, multiverse and report
+  --version, -h, --help                             also after tune, study, multiverse, report and verify
 
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
-VERBS = ("list", "tune", "study", "multiverse", "report")
+VERBS = ("list", "tune", "study", "multiverse", "report", "verify")
 
 
 def main() -> None:

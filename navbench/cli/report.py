@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from navbench.cli.progress import UNFINISHED, complain
 from navbench.cli.words import sort_words
+from navbench.raised import one_line
 from navbench.validation import DescriptionError, instead
 
 if TYPE_CHECKING:
@@ -47,7 +48,13 @@ def report(arguments: Sequence[str]) -> int:
     study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
     own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder
     out = given.get("out", Path("results") / study if own else runs[0].path / "report")
-    return print_written(write_report(runs, out, trust=words.trust, config_dir=words.config_dir))
+    if "out" not in given and out.is_symlink():
+        raise DescriptionError(f"{out}: is a link; name where the report is to go, as out=DIR")
+    try:
+        written = write_report(runs, out, trust=words.trust, config_dir=words.config_dir)
+    except (AttributeError, IndexError, KeyError, TypeError) as error:  # of claims and an outline that are no study's
+        raise DescriptionError(f"{' '.join(words.names)}: cannot be reported: {one_line(error)}") from None
+    return print_written(written)
 
 
 def print_written(written: "Written") -> int:

@@ -16,7 +16,7 @@ from navbench.validation import DescriptionError
 
 def run(arguments: Sequence[str]) -> int:
     """Run the cells that the words describe, print their table, and return the exit code."""
-    words = sort_words(arguments, ("--config-dir", "--multirun", "--cfg"))
+    words = sort_words(arguments, ("--config-dir", "--multirun", "--cfg", "--overwrite"))
     with composing(words.config_dir) as composer:
         if words.names:
             raise DescriptionError(f"{words.names[0]}: cannot be read; a word is key=value without spaces")
@@ -42,5 +42,5 @@ def run(arguments: Sequence[str]) -> int:
     if not cells:
         return 2
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
-    options = {"workers": first.values["workers"], "other_code": words.other_code}
+    options = {"workers": first.values["workers"], **words.kept}
     return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, sum(wrong.values()), **options)

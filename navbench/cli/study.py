@@ -16,6 +16,7 @@ HELP = """navbench study NAME: run what is missing of a study into outputs/study
   reconstruction=best                               as the best reconstruction of its multiverse has it, which is fitted
                                                     to the printed numbers, into results/NAME/best
   resume=other-code                                 keep what was run before navbench or a controller was changed
+  --overwrite                                       remove finished parts that are there and not of this study any more
   --config-dir DIR                                  a folder with further studies, controllers, worlds and robots
 
 The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
@@ -25,7 +26,7 @@ KEYS = ("engine", "workers", "reconstruction")
 
 def study(arguments: Sequence[str]) -> int:
     """Run what is missing of a study, and write its report."""
-    words = sort_words(arguments)
+    words = sort_words(arguments, ("--config-dir", "--overwrite"))
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["study", *words.names])
@@ -49,7 +50,7 @@ def study(arguments: Sequence[str]) -> int:
     plan, path = compose_study(name, words.config_dir), Path("outputs/study") / "-".join(filter(None, (name, best)))
     if best:
         plan = fitted(plan, Path("results") / name / "multiverse" / "best.json", words.config_dir)
-    return carry_out(plan, path, ["study", *arguments], finish, other_code=words.other_code, **options)
+    return carry_out(plan, path, ["study", *arguments], finish, **words.kept, **options)
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.experiments.store import Results, write_table
+from navbench.reading import flat
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,10 +21,8 @@ def print_tables(results: Results) -> None:
 
     table = write_tables(results)
     print(to_text(table))
-    for line in failures(results.episodes()):
-        print(line)
-    for line in StoredResults(results).missing:
-        print(line)
+    for line in (*failures(results.episodes()), *StoredResults(results).missing):
+        print(flat(line))
     shown = len(_drawn(results))
     if shown < len(table):
         print(f"trajectories.png: {shown} of {len(table)} cells, taken evenly from the table")

@@ -20,6 +20,7 @@ HELP = """navbench tune controller=NAME tuner=NAME [...]: search a controller's 
   +controller.tunable.KEY={low: X, high: X, scale: linear}
                                                     search one more parameter of the controller, within bounds
   resume=other-code                                 keep what was run before navbench or the controller was changed
+  --overwrite                                       remove finished parts that are there and not of this tuning
   --cfg job                                         print the composed configuration and run nothing
 
 and the keys of a run (`navbench --help`): episodes, seed, start_jitter_m, workers, hydra.run.dir, --config-dir, ...
@@ -30,7 +31,7 @@ SHOWN_MAX = 20  # parameters; of more, a screen shows no better than the file
 
 def tune(arguments: Sequence[str]) -> int:
     """Search a controller's parameters, keep every evaluation, and write the tuned controller's file."""
-    words = sort_words(arguments, ("--config-dir", "--cfg"))
+    words = sort_words(arguments, ("--config-dir", "--cfg", "--overwrite"))
     if words.names:
         raise DescriptionError(f"{words.names[0]}: unknown word; tune takes key=value, such as tuner=pso")
     from navbench.cli.composing import composing
@@ -72,7 +73,7 @@ def tune(arguments: Sequence[str]) -> int:
     }
     plan = Plan(cells=(*untuned, *tuned), tunings=(tuning,), study=content)
     again = ["tune", *arguments, *words.place("hydra.run.dir", path)]
-    return carry_out(plan, path, again, finish, workers=workers, other_code=words.other_code)
+    return carry_out(plan, path, again, finish, workers=workers, **words.kept)
 
 
 def _use(file: Path, inherited: str, config_dir: str | None) -> str:

@@ -1,7 +1,5 @@
 """The words of a command line, sorted: flags, key=value, and names."""
 
-import os
-import sys
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +9,8 @@ from navbench.cli.catalogue import LISTED, check_folder
 from navbench.validation import DescriptionError
 
 RESUME = "resume=other-code"
-FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c", "--trust": "--trust"}  # beside -h, --help
+FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c"}  # the short form; beside -h, --help
+SWITCHES = ("--multirun", "--trust", "--overwrite")  # which take no word
 
 
 class Words(NamedTuple):
@@ -25,6 +24,7 @@ class Words(NamedTuple):
         cfg: whether ``--cfg job`` was given.
         other_code: whether ``resume=other-code`` was given.
         trust: whether ``--trust`` was given.
+        overwrite: whether ``--overwrite`` was given.
     """
 
     names: list[str]
@@ -34,6 +34,12 @@ class Words(NamedTuple):
     cfg: bool
     other_code: bool
     trust: bool
+    overwrite: bool
+
+    @property
+    def kept(self) -> dict[str, bool]:
+        """Return what may be kept and what removed of what is there, as ``run_plan`` takes it."""
+        return {"other_code": self.other_code, "overwrite": self.overwrite}
 
     def place(self, key: str, path: Path) -> list[str]:
         """Return the word that names a directory, where the others do not."""
@@ -41,11 +47,11 @@ class Words(NamedTuple):
 
 
 def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",)) -> Words:
-    """Return the words of a command line, sorted, and make the working directory a place to import from.
+    """Return the words of a command line, sorted.
 
     Args:
         arguments: the words, flags standing anywhere between the others.
-        flags: which of ``FLAGS`` may be given.
+        flags: which of ``FLAGS`` and ``SWITCHES`` may be given.
 
     Raises:
         DescriptionError: a flag is unknown, or the folder of configurations is missing.
@@ -54,8 +60,8 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
     parser = _Parser(add_help=False, allow_abbrev=False)
     parser.add_argument("words", nargs="*")
     for flag in flags:
-        if flag in ("--multirun", "--trust"):
-            parser.add_argument(flag, FLAGS[flag], action="store_true")
+        if flag in SWITCHES:
+            parser.add_argument(flag, FLAGS.get(flag, flag), action="store_true")
         else:
             parser.add_argument(flag, FLAGS[flag], choices=("job",) if flag == "--cfg" else None)
     given, unknown = parser.parse_known_intermixed_args(list(arguments))
@@ -66,8 +72,6 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
     config_dir: str | None = given.config_dir if "--config-dir" in flags else None
     if config_dir is not None:
         check_folder(Path(config_dir))
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())  # a console script does not look there, and a user's controller may lie there
     overrides = [word for word in given.words if "=" in word or word.startswith("~")]
     return Words(
         names=[word for word in given.words if word not in overrides],
@@ -77,6 +81,7 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
         cfg=getattr(given, "cfg", None) is not None,
         other_code=RESUME in overrides,
         trust=getattr(given, "trust", False),
+        overwrite=getattr(given, "overwrite", False),
     )
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -46,6 +47,18 @@ def code_of(roots: Iterable[str]) -> dict[str, str]:
     return dict(sorted(code.items()))
 
 
+def digest_now(name: str) -> str | None:
+    """Return the digest of a module's source as it lies here; None where there is none. Nothing is imported."""
+    *packages, last = name.split(".")
+    folders = [*sys.path, os.getcwd()]
+    if packages[:1] == ["navbench"]:
+        folders, packages = list(sys.modules["navbench"].__path__), packages[1:]
+    inner = [Path(folder, *packages) for folder in folders]
+    files = (file for folder in inner for file in (folder / f"{last}.py", folder / last / "__init__.py"))
+    found = next((file for file in files if file.is_file()), None)
+    return None if found is None else _digest(found.read_bytes())
+
+
 def commit() -> str | None:
     """Return the git commit of navbench's own sources; None where they are not under git."""
     folder = Path(__file__).parent
@@ -88,7 +101,11 @@ def _is_users(file: Path) -> bool:
 def _read(file: Path, name: str, *_: int) -> tuple[str, list[str]]:
     """Return the digest of a module's source and the names that it may import, as its file stands now."""
     source = file.read_bytes()
-    return hashlib.sha256(source).hexdigest()[:16], list(_imports(source.decode(errors="replace"), name, file))
+    return _digest(source), list(_imports(source.decode(errors="replace"), name, file))
+
+
+def _digest(source: bytes) -> str:
+    return hashlib.sha256(source).hexdigest()[:16]
 
 
 def _imports(source: str, name: str, file: Path) -> Iterable[str]:

@@ -154,7 +154,7 @@ def _executor(workers: int) -> Any:
     # a process that holds much memory is replaced by a new one, and nothing is lost
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
     with _starting_processes():
-        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(),))
+        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(), *sys.path))
 
 
 def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
@@ -173,8 +173,11 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
         executor.shutdown(wait=True, kill_workers=True)
 
 
-def _begin(driver: int) -> None:
-    """Have this worker end soon after its driver was killed: nobody would read what it says, and it would wait."""
+def _begin(driver: int, *_: str) -> None:
+    """Have this worker end soon after its driver was killed: nobody would read what it says, and it would wait.
+
+    A worker imports from where its driver did when it was started; where that has changed, others are started.
+    """
     from psutil import Process
 
     def watch() -> None:

@@ -1,9 +1,21 @@
-"""Files that are written whole or not at all, and directories that are not left behind empty."""
+"""Files that are written whole or not at all, that tell whether they still are, and the directory that holds them."""
 
+import errno
+import hashlib
 import os
+import platform
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import IO
+
+from navbench.validation import DescriptionError
+
+LOCK = "lock"
+MARK = b"sha256:"
+OPEN = MARK + b"0" * 64  # stands in a file where its seal will, and while the seal is computed
 
 
 @contextmanager
@@ -18,6 +30,59 @@ def replacing(file: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def keep(file: Path, data: bytes) -> None:
+    """Write a file so that after a power cut there is the old one or the new one, whole."""
+    with replacing(file) as temporary:
+        temporary.write_bytes(data)
+        _sync(temporary, os.O_RDWR)
+    if sys.platform != "win32":  # which opens no directories
+        _sync(file.parent, os.O_RDONLY)
+
+
+def sealed(name: str, data: bytes) -> bytes:
+    """Return a file's bytes with a SHA-256 of them and of the file's name where ``OPEN`` stands in them last."""
+    place = data.rindex(OPEN)
+    return data[:place] + _seal(name, data, place) + data[place + len(OPEN) :]
+
+
+def is_whole(name: str, data: bytes) -> bool | None:
+    """Return whether a file's bytes are those that were sealed under its name; None where they bear no seal."""
+    place = data.rfind(MARK)
+    return None if place < 0 else data[place : place + len(OPEN)] == _seal(name, data, place)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a directory, so that no other run writes into it; a lock ends with the process that holds it.
+
+    Raises:
+        DescriptionError: another run holds it; the message says which one, where and since when.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with _held(folder / LOCK) as file:
+        file.truncate(0)
+        since = datetime.now(UTC).isoformat(timespec="seconds")
+        file.write(f"process {os.getpid()} on {platform.node()} since {since}")
+        file.flush()
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # Windows removes no open file
+                (folder / LOCK).unlink()
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Return a file's path below a directory.
+
+    Raises:
+        DescriptionError: it would lie outside, by its name or by a link.
+    """
+    file = folder / name
+    if ".." in Path(name).parts or "\\" in name or not file.parent.resolve().is_relative_to(folder.resolve()):
+        raise DescriptionError(f"{name}: must lie in {folder}, and is written nowhere else")
+    return file
+
+
 def existing(path: Path) -> Path:
     """Return the nearest directory at or above a path that is there."""
     path = path.absolute()
@@ -30,3 +95,55 @@ def discard_empty(path: Path, there: Path) -> None:
     while path != there and there in path.parents and path.is_dir() and not any(path.iterdir()):
         path.rmdir()
         path = path.parent
+
+
+def _sync(path: Path, flags: int) -> None:
+    opened = os.open(path, flags)
+    try:
+        os.fsync(opened)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # of a file system that cannot
+            raise
+    finally:
+        os.close(opened)
+
+
+def _seal(name: str, data: bytes, place: int) -> bytes:
+    view = memoryview(data)
+    digest = hashlib.sha256(name.encode() + b"\n")
+    for piece in (view[:place], OPEN, view[place + len(OPEN) :]):
+        digest.update(piece)
+    return MARK + digest.hexdigest().encode()
+
+
+@contextmanager
+def _held(path: Path) -> Iterator[IO[str]]:
+    """Give a locked file; one that its holder removed meanwhile is not the one that the next run finds there."""
+    while True:
+        with path.open("a+") as file:
+            try:
+                _lock(file)
+            except (BlockingIOError, PermissionError):
+                file.seek(0)
+                raise DescriptionError(
+                    f"{path.parent}: a run goes on here: {file.read(200)}; wait for it, or choose another directory"
+                ) from None
+            if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                yield file
+                return
+
+
+def _lock(file: IO[str]) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        file.seek(1 << 20)  # beyond what is read
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):  # of a file system without locks
+                raise

@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
+from navbench.experiments.schema import SCHEMA_VERSION
 from navbench.metrics import Metric
 from navbench.records import CellKey, Names, TuningKey
 
-SCHEMA_VERSION = 1
 PACKAGES = ("navbench", "numba", "numpy", "pandas", "pyarrow", "hydra-core", "scipy")
 
 
@@ -36,6 +36,7 @@ def manifest_of(
         "commit": commit,
         "code": {name: found for modules in codes.values() for name, found in modules.items()},
         "codes": dict(codes),
+        "checksums": True,
         "resumed": [],
         "began": now(),
         "ended": None,
@@ -48,14 +49,9 @@ def now() -> str:
 
 
 def is_other_work(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
-    """Return whether a directory's manifest is of other work than a new one; a study's own file may have changed."""
+    """Return whether a directory's manifest is of another study, or tuning, than a new one."""
     names = [(manifest["study"] or {}).get("name", "") for manifest in (old, new)]
-    if names[0] != names[1]:
-        return True
-    if names[0] and not names[0].startswith("tune "):
-        return False
-    mine, others = ([cell for cell in manifest["cells"] if not cell["tuning"]] for manifest in (new, old))
-    return mine != others or bool(old["tunings"] != new["tunings"])
+    return bool(names[0] != names[1])
 
 
 def described(cell: CellKey) -> dict[str, Any]:

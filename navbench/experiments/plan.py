@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from navbench.experiments.cells import Batch, Cell, batches_of
+from navbench.experiments.store import batch_name
 from navbench.experiments.tunings import Tuning
 from navbench.records import CellKey
+
+Planned = dict[str, tuple[CellKey, Batch]]  # batches by the names of their parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,3 +44,25 @@ def batches_of_all(cells: Sequence[Cell]) -> list[tuple[CellKey, Batch]]:
         episodes = sorted({index for _, one in same for index in one.indices})
         batches += [(key, batch) for batch in batches_of(cell, episodes)]
     return batches
+
+
+def around(planned: Planned, there: Mapping[str, tuple[str, range]]) -> Planned:
+    """Return planned batches around parts that are there in other cuts, as when more episodes are asked for.
+
+    Args:
+        planned: the batches.
+        there: other parts: each one's run and episodes by its name.
+    """
+    keys = {key.run_id: (key, batch.cell) for key, batch in planned.values()}
+    held: dict[str, set[int]] = {}
+    kept: Planned = {}
+    for name, (run_id, episodes) in there.items():
+        if run_id in keys and not held.setdefault(run_id, set()).intersection(episodes):
+            held[run_id].update(episodes)
+            kept[name] = keys[run_id][0], Batch(keys[run_id][1], episodes)
+    for name, (key, batch) in planned.items():
+        left = [episode for episode in batch.episodes if episode not in held.get(key.run_id, ())]
+        whole = len(left) == len(batch.episodes)
+        for rest in [batch] if whole else batches_of(batch.cell, left):
+            kept[name if whole else batch_name(key, rest.episodes)] = key, rest
+    return kept

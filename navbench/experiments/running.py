@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 from navbench.experiments.cells import EPISODES, Cell, digest
 from navbench.experiments.code import code_of, commit, roots_of
 from navbench.experiments.engines import Work, run
-from navbench.experiments.files import discard_empty, existing
-from navbench.experiments.plan import Plan, batches_of_all
-from navbench.experiments.store import Results, batch_name, tuning_name, unfinished_name
+from navbench.experiments.files import discard_empty, existing, locked
+from navbench.experiments.parts import DAMAGED
+from navbench.experiments.plan import Plan, Planned, around, batches_of_all
+from navbench.experiments.store import OTHERWISE, Results, batch_name, episodes_of, tuning_name, unfinished_name
 from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, checks_of, run_tuning
 from navbench.records import TuningKey
 from navbench.validation import DescriptionError
@@ -49,39 +50,47 @@ def run_plan(
     progress: Progress = lambda *_: None,
     *,
     other_code: bool = False,
+    overwrite: bool = False,
 ) -> Ran:
     """Run what is missing of a plan, and write each part as it finishes.
 
     Args:
         plan: what is to run.
         path: the results directory. What an earlier call finished there is not run again, unless code that makes it
-            has changed since; parts that are not of the plan are removed.
+            has changed since; parts that are damaged are named and made anew.
         workers: processes; None for one a core. A run with a window stays in this process.
         engine: where to run, see ``engines.run``.
         progress: told as the work goes on.
         other_code: whether to keep what other code made, too.
+        overwrite: whether to remove finished parts that are not of the plan.
 
     Raises:
-        DescriptionError: the directory holds other work, or nothing of the plan can be run.
+        DescriptionError: the directory holds other work, another run goes on in it, or nothing of the plan can be run.
         ValueError: a cost is not finite.
     """
     results, there = Results(path), existing(path)
     if any(cell.options.gui for cell in plan.cells):
         workers = 1
-    running = _Running(plan, results, workers, engine, progress, other_code)
-    begun = False
+    running = _Running(plan, results, workers, engine, progress, other_code, overwrite)
     try:
-        running.begin()
-        begun = True
+        with locked(path):
+            return _carried_out(running)
+    finally:
+        discard_empty(path, there)
+
+
+def _carried_out(running: "_Running") -> Ran:
+    """Return how a plan ended, and leave no manifest where nothing of it was finished."""
+    results = running.results
+    running.begin()
+    try:
         running.search()
         ran = running.drive()
     except BaseException as error:
-        if begun and isinstance(error, ValueError):  # what cannot be run is not gone on with
-            results.keep_only(["evaluations"], [tuning_name(tuning.key()) for tuning in plan.tunings])
-        if begun:
-            results.write_csv()
-            results.abandon()
-        discard_empty(path, there)
+        if isinstance(error, ValueError):  # what cannot be run is not gone on with
+            results.keep_only(["evaluations"], [tuning_name(tuning.key()) for tuning in running.plan.tunings])
+        results.write_csv()
+        results.abandon()
         raise
     results.end(running.codes)
     return ran
@@ -116,8 +125,11 @@ def _search(
     """Run a tuning from where an earlier call left it, keep it, and return what was best."""
     key, results = search.key, search.results
     known: list[Evaluation] = []
-    if results.has("evaluations", unfinished_name(key)):
-        table = results.evaluations_of(key, whole=False)
+    whole = (
+        results.has("evaluations", tuning_name(key)) and results.code_of("evaluations", tuning_name(key)) == search.code
+    )
+    if whole or results.has("evaluations", unfinished_name(key)):
+        table = results.evaluations_of(key, whole=whole)
         known = [Evaluation(*row) for row in table[list(Evaluation._fields)].itertuples(index=False)]
 
     def keep(record: TuningRecord) -> None:
@@ -147,19 +159,60 @@ class _Running:
     engine: str
     progress: Progress
     other_code: bool
+    overwrite: bool
     codes: set[str] = field(default_factory=set)  # the digests that parts name
     _modules: dict[str, dict[str, str]] = field(default_factory=dict)  # under the digest of them all
     _digests: dict[tuple[str, ...], str] = field(default_factory=dict)  # of each set of classes
     _changed: list[str] = field(default_factory=list)
 
     def begin(self) -> None:
-        """Write the manifest of what is known."""
+        """Write the manifest of what is known, and remove what is damaged, or not of the plan.
+
+        Raises:
+            DescriptionError: the directory holds finished work that is not of the plan, and must not be overwritten.
+        """
         tunings = [tuning.key() for tuning in self.plan.tunings]
         for key in tunings:
             self._code(key.configuration, SEARCH)
         for cell in self.plan.cells:
             self._code(cell.configuration)
+        there = (self.results.path / "manifest.json").is_file()
+        faults = self.results.faults() if there else {}
+        damaged = [name for name, fault in faults.items() if fault == DAMAGED]
+        strange = self._strange(damaged) if there else []
+        if strange and not self.overwrite:
+            raise DescriptionError(
+                f"{self.results.path}: holds the results of other work: {len(strange)} finished parts that are not of "
+                f"this plan, such as {strange[0]}; {OTHERWISE}"
+            )
         self._changed = self._write_manifest([cell for cell in self.plan.cells if not cell.tuning])
+        if strange:
+            LOG.warning("%s: %d finished parts that are not of this plan are removed", self.results.path, len(strange))
+        for name in damaged:
+            LOG.warning("%s: damaged; it is removed and made anew", self.results.path / name)
+        self.results.remove([*strange, *damaged])
+
+    def _strange(self, damaged: Sequence[str]) -> list[str]:
+        """Return the finished parts that are not of the plan, by kind and name.
+
+        Which parts a cell with tuned parameters has is known when it is tuned: those of the plan's tunings are its own.
+        """
+        results, keys = self.results, [tuning.key() for tuning in self.plan.tunings]
+        known = {tuning_name(key) for key in keys} | {unfinished_name(key) for key in keys}
+        found = [f"evaluations/{name}" for name in results.parts("evaluations", "[!.]") if name not in known]
+        found = [name for name in found if name not in damaged]
+        indices: dict[str, set[int]] = {}
+        for cell in self.plan.cells:
+            indices.setdefault(cell.key().run_id, set()).update(cell.indices)
+        tunings = {f"{tuning.name} {tuning.seed}" for tuning in self.plan.tunings}
+        for name in results.parts("episodes"):
+            if f"episodes/{name}" in damaged:
+                continue
+            run_id, episodes = episodes_of(name)
+            mine = run_id in indices and indices[run_id].issuperset(episodes)
+            if not mine and not (tunings and results.tuning_of("episodes", name) in tunings):
+                found.append(f"episodes/{name}")
+        return found
 
     def search(self) -> None:
         """Run the tunings that are missing: side by side, or where there are too few, each on all cores."""
@@ -173,7 +226,7 @@ class _Running:
         todo = [
             _Search(tuning, self.results, code)
             for tuning, (name, code) in zip(self.plan.tunings, whole.items(), strict=True)
-            if name in stale or not self.results.has("evaluations", name)
+            if name in stale or not all(self.results.has(kind, name) for kind in ("evaluations", "checks"))
         ]
         budgets = [search.tuning.budget for search in todo]
         done = 0
@@ -197,11 +250,14 @@ class _Running:
         if self.plan.tunings:
             self._write_manifest(cells)
         self._write_descriptions(cells)
-        batches = {batch_name(key, batch.episodes): (key, batch) for key, batch in batches_of_all(cells)}
+        batches = self._batches(cells)
         codes = {name: self._code(batch.cell.configuration) for name, (_, batch) in batches.items()}
+        replaced = [name for name in results.parts("episodes") if name not in batches]
+        if replaced:  # of other parameters, for their tuning was run anew
+            LOG.warning("%s: %d parts of an earlier tuning are removed", results.path, len(replaced))
         results.keep_only(PARTS, batches)
         stale = self._of_other_code("episodes", codes)
-        todo = [name for name in batches if name in stale or not results.has("episodes", name)]
+        todo = [name for name in batches if name in stale or not self._is_finished(name)]
         planned = sum(len(batch.episodes) for _, batch in batches.values())
         finished = planned - sum(len(batches[name][1].episodes) for name in todo)
         if todo:
@@ -220,6 +276,15 @@ class _Running:
             raise DescriptionError(next(iter(reasons)))
         return Ran(results, finished, planned, tuple(reasons))
 
+    def _batches(self, cells: Sequence[Cell]) -> Planned:
+        """Return the batches of some cells by the names of their parts, those that are there as they were cut."""
+        planned = {batch_name(key, batch.episodes): (key, batch) for key, batch in batches_of_all(cells)}
+        others = [name for name in self.results.parts("episodes") if name not in planned]
+        return around(planned, {name: episodes_of(name) for name in others}) if others else planned
+
+    def _is_finished(self, name: str) -> bool:
+        return self.results.has("episodes", name) and not self.results.lacking(name)
+
     def _tuned(self, cell: Cell) -> Cell:
         """Return a cell with the parameters of its tuning."""
         for tuning in self.plan.tunings:
@@ -230,7 +295,8 @@ class _Running:
     def _write_manifest(self, cells: Sequence[Cell]) -> list[str]:
         tunings = [tuning.key() for tuning in self.plan.tunings]
         planned = {"episodes": self.plan.episodes()}
-        return self.results.begin([c.key() for c in cells], tunings, self.plan.study, planned, self._modules, commit())
+        known = [cell.key() for cell in cells], tunings, self.plan.study, planned, self._modules, commit()
+        return self.results.begin(*known, overwrite=self.overwrite)
 
     def _code(self, configuration: Any, *roots: str) -> str:
         """Return the digest of the code that a configuration runs through."""

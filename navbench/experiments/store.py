@@ -6,14 +6,20 @@ that was finished, and the same work writes the same bytes.
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments.files import discard_empty, replacing
-from navbench.experiments.manifest import SCHEMA_VERSION, is_other_work, manifest_of, now
+from navbench.experiments import parts
+from navbench.experiments.files import OPEN, discard_empty, is_whole, keep, replacing, sealed
+from navbench.experiments.manifest import is_other_work, manifest_of, now
+from navbench.experiments.parts import BESIDE, CODE, KINDS, TUNING
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
+from navbench.experiments.schema import LONGEST, read_manifest
+from navbench.reading import bounded
 from navbench.records import CellKey, RobotRecord, TuningKey
 from navbench.validation import DescriptionError
 from navbench.world.layout import layout_id
@@ -22,7 +28,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-CODE = b"navbench.code"  # under which a part names the code that made it
+MANIFEST = "manifest.json"
+OTHERWISE = "choose another directory, or --overwrite removes them"
+PART = re.compile(r"part-(.+)-(\d{1,9})-(\d{1,9})\.parquet")
 
 
 class ResultsError(DescriptionError):
@@ -47,6 +55,8 @@ class Results:
         planned: Mapping[str, int] | None = None,
         codes: Mapping[str, Mapping[str, str]] | None = None,
         commit: str | None = None,
+        *,
+        overwrite: bool = False,
     ) -> list[str]:
         """Make the directory, write the manifest of what is about to run, and return which code changed since.
 
@@ -59,6 +69,7 @@ class Results:
             planned: how many episodes are planned.
             codes: the digest of each module that makes rows, under the digest of them all that a part names.
             commit: the git commit of navbench's sources.
+            overwrite: whether the directory may hold other work.
 
         Returns:
             The modules whose code is not what it was when something was last run here.
@@ -68,18 +79,40 @@ class Results:
         """
         manifest = manifest_of(cells, tunings, study, planned, codes or {}, commit)
         changed: list[str] = []
-        if (self.path / "manifest.json").exists():
+        if (self.path / MANIFEST).exists():
             old = self.manifest()
-            if is_other_work(old, manifest):
-                raise ResultsError(f"{self.path}: holds the results of other work; choose another directory")
+            if is_other_work(old, manifest) and not overwrite:
+                raise ResultsError(f"{self.path}: holds the results of other work; {OTHERWISE}")
             before = old.get("code", {})
             manifest |= {key: old[key] for key in ("began", "resumed") if key in old}
+            manifest["checksums"] = old.get("checksums", False)
             manifest["codes"] = old.get("codes", {}) | manifest["codes"]
             changed = [name for name, now in manifest["code"].items() if before.get(name) != now]
         elif self.path.is_dir() and any(self.path.glob("*/part-*.parquet")):
             raise ResultsError(f"{self.path}: holds parts without a manifest; choose another directory")
         self._write_manifest(manifest)
         return changed
+
+    def parts(self, kind: str, prefix: str = "part-") -> list[str]:
+        """Return the names of the parts of a kind, sorted."""
+        return sorted(file.name for file in (self.path / kind).glob(f"{prefix}*.parquet"))
+
+    def faults(self) -> dict[str, str]:
+        """Return by kind and name which parts are damaged, and which bear no checksum."""
+        seals = self.manifest().get("checksums", False)
+        names = [f"{kind}/{name}" for kind in KINDS for name in self.parts(kind, "[!.]")]
+        found = {name: parts.fault_of(self.path, name, seals) for name in names}
+        return {name: fault for name, fault in found.items() if fault}
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Remove parts by their kind and name."""
+        for name in names:
+            (self.path / name).unlink()
+
+    def lacking(self, name: str) -> list[str]:
+        """Return, of what was written before a part of episodes, by kind and name what is no longer there."""
+        beside = parts.notes_of(self.path, f"episodes/{name}").get(BESIDE, "").split()
+        return [one for one in beside if not (self.path / one).is_file()]
 
     def record_resume(self, changed: Sequence[str], parts: int, kept: bool) -> None:
         """Write into the manifest that parts of other code were there: which modules had changed, and what was done.
@@ -101,7 +134,7 @@ class Results:
             for part in (self.path / kind).glob("part-*.parquet"):
                 part.unlink()
             discard_empty(self.path / kind, self.path.absolute())
-        (self.path / "manifest.json").unlink(missing_ok=True)
+        (self.path / MANIFEST).unlink(missing_ok=True)
 
     def keep_only(self, kinds: Iterable[str], names: Iterable[str]) -> None:
         """Remove the parts of some kinds whose names are not among these: they are of an earlier form of the work."""
@@ -130,9 +163,9 @@ class Results:
     def finished(self) -> dict[str, set[int]]:
         """Return the episodes that are there, of each run, from the names of the parts."""
         found: dict[str, set[int]] = {}
-        for part in (self.path / "episodes").glob("part-*.parquet"):
-            run_id, first, last = part.stem.removeprefix("part-").rsplit("-", 2)
-            found.setdefault(run_id, set()).update(range(int(first), int(last) + 1))
+        for name in self.parts("episodes"):
+            run_id, episodes = episodes_of(name)
+            found.setdefault(run_id, set()).update(episodes)
         return found
 
     def has(self, kind: str, name: str) -> bool:
@@ -141,10 +174,11 @@ class Results:
 
     def code_of(self, kind: str, name: str) -> str:
         """Return the digest of the code that made a part; empty where the part does not say."""
-        import pyarrow.parquet as pq
+        return parts.notes_of(self.path, f"{kind}/{name}").get(CODE, "")
 
-        metadata = pq.read_schema(self.path / kind / name).metadata or {}
-        return str(metadata.get(CODE, b"").decode())
+    def tuning_of(self, kind: str, name: str) -> str:
+        """Return the name and seed of the tuning whose parameters made a part; empty without one."""
+        return parts.notes_of(self.path, f"{kind}/{name}").get(TUNING, "")
 
     def write_batch(
         self,
@@ -165,14 +199,19 @@ class Results:
         """
         ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
         name = batch_name(cell, episodes)
-        ids = self._write_layouts(ordered)
-        self._write_table(f"latency/{name}", latency_table(cell, ordered), code)
+        ids, beside = self._write_layouts(ordered)
+        tables = {"latency": latency_table(cell, ordered)}
         if trajectories:
-            self._write_table(f"trajectories/{name}", trajectory_table(cell, ordered), code)
-        self._write_table(f"episodes/{name}", episode_table(cell, ordered, ids), code)
+            tables["trajectories"] = trajectory_table(cell, ordered)
+        for kind, table in tables.items():
+            self._write_table(f"{kind}/{name}", table, code)
+        beside += [f"{kind}/{name}" for kind in tables]
+        tuning = f"{cell.tuning} {cell.tuning_seed}" if cell.tuning else ""
+        episodes_table = episode_table(cell, ordered, ids)
+        self._write_table(f"episodes/{name}", episodes_table, code, **{BESIDE: " ".join(beside), TUNING: tuning})
 
-    def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> dict[int, str]:
-        """Write the geometry of the layouts that were driven, and return each episode's layout by its id.
+    def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> tuple[dict[int, str], list[str]]:
+        """Write the geometry of the layouts that were driven; return each episode's layout by its id, and the part.
 
         A part is named by what it holds, so that a fixed world's layout is kept once, however many batches and
         controllers drive in it, and so are the layouts that several controllers meet.
@@ -188,11 +227,13 @@ class Results:
                     made[id(record.layout)] = layout_id(text)
                     texts[layout_id(text)] = text
                 ids[episode] = made[id(record.layout)]
+        names = []
         if texts:
             name = f"layouts/part-{hashlib.sha256(''.join(sorted(texts)).encode()).hexdigest()[:16]}.parquet"
             if not (self.path / name).is_file():
                 self._write_table(name, pa.table({"layout_id": list(texts), "layout": list(texts.values())}))
-        return ids
+            names = [name]
+        return ids, names
 
     def write_evaluations(
         self, tuning: TuningKey, columns: Mapping[str, Any], code: str = "", *, whole: bool = True
@@ -235,17 +276,14 @@ class Results:
         Raises:
             ResultsError: there is none, or it is of another version of the format.
         """
-        file = self.path / "manifest.json"
+        file = self.path / MANIFEST
         if not file.is_file():
-            raise ResultsError(f"{self.path}: no results here: manifest.json is missing")
-        try:
-            manifest: dict[str, Any] = json.loads(file.read_text())
-            found = manifest["schema_version"]
-        except (ValueError, KeyError, TypeError):
-            raise ResultsError(f"{file}: is no manifest of navbench") from None
-        if found != SCHEMA_VERSION:
-            raise ResultsError(f"{file}: schema_version={found}, but this navbench reads {SCHEMA_VERSION}")
-        return manifest
+            raise ResultsError(f"{self.path}: no results here: {MANIFEST} is missing")
+        return read_manifest(file)
+
+    def manifest_is_whole(self) -> bool | None:
+        """Return whether the manifest is what was written; None where it bears no checksum."""
+        return is_whole(MANIFEST, bounded(self.path / MANIFEST, LONGEST))
 
     def episodes(self) -> "pd.DataFrame":
         """Return the table of episodes: one row a robot and episode, sorted by run, episode and robot."""
@@ -262,7 +300,7 @@ class Results:
 
     def layouts(self) -> dict[str, str]:
         """Return the layouts that were driven: each one's JSON by its id."""
-        tables = [_table_of(part) for part in sorted((self.path / "layouts").glob("part-*.parquet"))]
+        tables = [parts.read(self.path, f"layouts/{name}") for name in self.parts("layouts")]
         return {row["layout_id"]: row["layout"] for table in tables for row in table.to_pylist()}
 
     def latency(self) -> "pd.DataFrame":
@@ -284,50 +322,38 @@ class Results:
     def evaluations_of(self, tuning: TuningKey, *, whole: bool = True) -> "pd.DataFrame":
         """Return what one tuning evaluated, in order; or where it is not ``whole``, as far as it came."""
         name = tuning_name(tuning) if whole else unfinished_name(tuning)
-        evaluations: pd.DataFrame = _table_of(self.path / "evaluations" / name).to_pandas()
+        evaluations: pd.DataFrame = parts.read(self.path, f"evaluations/{name}").to_pandas()
         return evaluations
 
     def descriptions(self) -> "dict[str, pd.DataFrame]":
         """Return the tables that controllers offered of themselves, by name."""
         files = sorted((self.path / "descriptions").glob("*.parquet"))
-        return {file.stem: _table_of(file).to_pandas() for file in files}
+        return {file.stem: parts.read(self.path, f"descriptions/{file.name}").to_pandas() for file in files}
 
     def _read(self, kind: str, order: list[str], of: str = "", columns: Sequence[str] = ()) -> "pd.DataFrame":
-        parts = sorted((self.path / kind).glob(f"part-{of}*.parquet"))
+        files = [self.path / kind / name for name in self.parts(kind, f"part-{escape(of)}")]
         if kind in ("trajectories", "latency"):  # a batch's episodes are written last: without them it is unfinished
-            parts = [part for part in parts if self.has("episodes", part.name)]
-        if not parts:
+            files = [file for file in files if self.has("episodes", file.name)]
+        if not files:
             raise ResultsError(f"{self.path}: no results here: {kind}/ holds no part" + (f" of {of}" if of else ""))
         read = _frame_of if kind == "episodes" else _frame_of.__wrapped__
-        return read(tuple((part, part.stat().st_mtime_ns) for part in parts), tuple(order), tuple(columns))
+        return read(tuple((file, file.stat().st_mtime_ns) for file in files), tuple(order), tuple(columns))
 
-    def _write_table(self, name: str, table: "pa.Table", code: str = "") -> None:
-        import pyarrow.parquet as pq
-
-        if code:
-            table = table.replace_schema_metadata({CODE: code})
-        with replacing(self.path / name) as temporary:
-            pq.write_table(table, temporary, compression="zstd")
+    def _write_table(self, name: str, table: "pa.Table", code: str = "", **notes: str) -> None:
+        parts.write(self.path, name, table, {CODE: code, **notes})
 
     def _write_manifest(self, manifest: Mapping[str, Any]) -> None:
-        write_table(self.path / "manifest.json", json.dumps(manifest, indent=2) + "\n")
-
-
-def _table_of(file: Path, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return a Parquet file's columns, read alone: as one of a data set it would take three times as long."""
-    import pyarrow.parquet as pq
-
-    with pq.ParquetFile(file) as opened:
-        return opened.read(columns, use_threads=False)
+        text = json.dumps({**manifest, "seal": OPEN.decode()}, indent=2) + "\n"
+        keep(self.path / MANIFEST, sealed(MANIFEST, text.encode()))
 
 
 @lru_cache(maxsize=4)
-def _frame_of(parts: tuple[tuple[Path, int], ...], order: tuple[str, ...], more: tuple[str, ...]) -> "pd.DataFrame":
+def _frame_of(files: tuple[tuple[Path, int], ...], order: tuple[str, ...], more: tuple[str, ...]) -> "pd.DataFrame":
     """Return some parts, each with the time of its last change, as one sorted table."""
     import pyarrow as pa
 
     columns = [*order, *more] if more else None
-    tables = [_table_of(part, columns) for part, _ in parts]
+    tables = [parts.read(file.parents[1], f"{file.parent.name}/{file.name}", columns) for file, _ in files]
     table = pa.concat_tables(tables, promote_options="permissive").combine_chunks()
     frame: pd.DataFrame = table.to_pandas()
     return frame.sort_values(list(order), kind="stable", ignore_index=True)
@@ -336,6 +362,12 @@ def _frame_of(parts: tuple[tuple[Path, int], ...], order: tuple[str, ...], more:
 def batch_name(cell: CellKey, episodes: range) -> str:
     """Return the name of a batch's parts: it depends on the work alone."""
     return f"part-{cell.run_id}-{episodes[0]:06d}-{episodes[-1]:06d}.parquet"
+
+
+def episodes_of(name: str) -> tuple[str, range]:
+    """Return the run and the episodes of a part by its name; no episodes where it is not named so."""
+    found = PART.fullmatch(name)
+    return (found[1], range(int(found[2]), int(found[3]) + 1)) if found else (name, range(0))
 
 
 def tuning_name(tuning: TuningKey) -> str:

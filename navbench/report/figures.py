@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import StoredResults, driven, reached
-from navbench.experiments.files import replacing
+from navbench.experiments.files import inside, replacing
 from navbench.experiments.store import Results
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -155,7 +155,7 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
 
     with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
         for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-            _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
+            _save_whole(figure, inside(out, f"figures/{stem}.{form}"), metadata)
 
 
 def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:

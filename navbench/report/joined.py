@@ -1,14 +1,18 @@
 """One page over the reports of several studies, from what their folders hold: claims, manifest and report."""
 
-import json
+import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pydantic import BaseModel, ValidationError
+
 from navbench.analysis.evidence import EVIDENCE
 from navbench.analysis.verdicts import CHECK_VERDICTS, COLUMNS, HYPOTHESIS_VERDICTS, VERDICTS
+from navbench.experiments.schema import LONGEST
 from navbench.experiments.store import write_table
+from navbench.reading import bounded
 from navbench.report.claims import measured_figure, plain, printed_figure
 from navbench.report.document import Block, Column, Document, Heading, Lines, Link, Paragraph, Plot, Table
 from navbench.report.figures import save_figure
@@ -36,6 +40,23 @@ NEWER: dict[str, Any] = {  # columns that some tables of claims do not have yet,
     **dict.fromkeys(("simulator", "hangs_on", "because"), ""),
     **dict.fromkeys(("plausible_low", "plausible_high"), math.nan),
 }
+
+
+class _Text(BaseModel):
+    text: str
+
+
+class _Erratum(BaseModel):
+    where: str
+    printed: str
+    here: str
+
+
+class _Findings(BaseModel):
+    title: str
+    summary: str
+    findings: Sequence[_Text]
+    errata: Sequence[_Erratum]
 
 
 class Found(NamedTuple):
@@ -95,24 +116,16 @@ def read_study(path: Path) -> Found:
     """
     file = path / "findings.json"
     try:
-        told = json.loads(file.read_text())
-        found = Found(
-            path.name,
-            told["title"],
-            told["summary"],
-            [finding["text"] for finding in told["findings"]],
-            told["errata"],
-            read_claims(path / "claims.csv").query("kind == 'claim'"),
-            read_shares(path / MULTIVERSE),
-        )
-    except (ValueError, KeyError, TypeError) as error:
-        if isinstance(error, DescriptionError):
-            raise
+        told = _Findings.model_validate_json(bounded(file, LONGEST))
+    except ValidationError:
         again = f"navbench report outputs/study/{path.name}"
         raise DescriptionError(f"{file}: not of a study's report, or of an older one; write it by {again}") from None
     if not (path / "report.md").is_file():
         raise DescriptionError(f"{path / 'report.md'}: missing")
-    return found
+    claims = read_claims(path / "claims.csv").query("kind == 'claim'")
+    sentences = [finding.text for finding in told.findings]
+    errata = [one.model_dump() for one in told.errata]
+    return Found(path.name, told.title, told.summary, sentences, errata, claims, read_shares(path / MULTIVERSE))
 
 
 def read_claims(file: Path) -> "pd.DataFrame":
@@ -127,7 +140,9 @@ def read_claims(file: Path) -> "pd.DataFrame":
         return pd.DataFrame(columns=COLUMNS)
     try:
         texts = {column: str for column in COLUMNS if column not in FIGURES}
-        table = pd.read_csv(file, dtype=texts, na_values=dict.fromkeys(FIGURES, ""), keep_default_na=False)
+        table = pd.read_csv(
+            io.BytesIO(bounded(file, LONGEST)), dtype=texts, na_values=dict.fromkeys(FIGURES, ""), keep_default_na=False
+        )
     except (ValueError, OSError) as error:
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
     if [column for column in COLUMNS if column in table or column not in NEWER] != list(table.columns):

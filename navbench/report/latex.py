@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import groupby
 
+from navbench.reading import flat
 from navbench.report.document import MISSING, Table
 from navbench.report.markdown import aligned_right
 
@@ -34,7 +35,7 @@ def render(table: Table) -> str:
         titles, rules, first = [], [], 1
         for title, members in groupby(column.group for column in columns):
             count = len(list(members))
-            titles.append(f"\\multicolumn{{{count}}}{{c}}{{{title.translate(ESCAPED)}}}" if title else "")
+            titles.append(f"\\multicolumn{{{count}}}{{c}}{{{_words(title)}}}" if title else "")
             rules += [f"\\cmidrule(lr){{{first}-{first + count - 1}}}"] if title else []
             first += count
         lines += [" & ".join(titles) + " \\\\", " ".join(rules)]
@@ -42,6 +43,10 @@ def render(table: Table) -> str:
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
 
 
+def _words(text: str) -> str:
+    return flat(text).translate(ESCAPED)
+
+
 def _row(cells: Sequence[str]) -> str:
     # a bracket at the beginning of a row would be read as the argument of the \\ before it
-    return " & ".join(("{}" if cell.startswith("[") else "") + cell.translate(ESCAPED) for cell in cells) + " \\\\"
+    return " & ".join(("{}" if cell.startswith("[") else "") + _words(cell) for cell in cells) + " \\\\"

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from navbench.analysis.claims import check_claims, entries
 from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults
+from navbench.experiments.files import inside
 from navbench.experiments.store import Results, write_table
 from navbench.report import markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
@@ -102,7 +103,7 @@ def write_document(document: Document, out: Path) -> list[Path]:
     """Write a report and its tables, and return its files; the plots are there."""
     for block in document.blocks:
         for name, text in files_of(block).items():
-            write_table(out / name, text)
+            write_table(inside(out, name), text)
     write_table(out / "report.md", markdown.render(document))
     return [out / "report.md", *(out / name for name in document.files)]
 

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, get_args
 
 from navbench.analysis.resolving import check_arguments, resolve
 from navbench.raised import first_line, one_line
+from navbench.reading import check_name
 from navbench.report import (
     claims,
     comparison,
@@ -74,6 +75,11 @@ def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
     section = SECTIONS.get(name) or resolve(f"{key}.name", name, "", trust=trust)
     _, *parameters = inspect.signature(section).parameters.values()
     check_arguments(f"{key}.", name, parameters, [word for word in spec if word != "name"], COMMON)
+    if "file" in spec:
+        try:
+            check_name(str(spec["file"]))
+        except DescriptionError as error:
+            raise DescriptionError(f"{key}.file={error}") from None
     if section is findings:
         check_sentences(f"{key}.sentences", spec["sentences"], trust)
     return section

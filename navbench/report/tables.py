@@ -7,6 +7,8 @@ from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import driven, reached
 from navbench.mathematics.statistics import wilson
 from navbench.metrics import DECLARED, Metric
+from navbench.reading import flat
+from navbench.report import markdown
 from navbench.report.document import Blocks, Column, Lines, Paragraph, Table, number
 from navbench.report.page import Page
 
@@ -141,9 +143,10 @@ def _table(summary: "pd.DataFrame", names: Sequence[str], form: str) -> str:
     from tabulate import tabulate
 
     words = [name for name in names if summary[name].dtype.kind not in "biuf" or name in COUNTS]
+    shown = markdown.cell if form == "github" else flat
     text: str = tabulate(
-        [[_cell(row, name) for name in names] for row in summary.to_dict("records")],
-        headers=list(names),
+        [[shown(_cell(row, name)) for name in names] for row in summary.to_dict("records")],
+        headers=list(map(shown, names)),
         tablefmt=form,
         colalign=["left" if name in words else "right" for name in names],
         disable_numparse=True,

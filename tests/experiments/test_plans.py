@@ -18,7 +18,7 @@ from commands import NAVBENCH, Command
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tables import PANELS_MAX, _drawn
-from navbench.experiments import store
+from navbench.experiments import parts
 from navbench.experiments.cells import BATCH_MAX, batches_of
 from navbench.experiments.code import code_of, roots_of
 from navbench.experiments.plan import Plan, batches_of_all
@@ -268,8 +268,8 @@ def test_a_table_of_episodes_is_read_once_and_again_when_a_part_has_changed(
     own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     results = run_plan(plan_of(own, "mine"), own / "results", 1).results
-    reader = Mock(wraps=store._table_of)
-    monkeypatch.setattr(store, "_table_of", reader)
+    reader = Mock(wraps=parts.read)
+    monkeypatch.setattr(parts, "read", reader)
     table = results.episodes()
     table["outcome"] = "changed by a reader"
     assert set(results.episodes()["outcome"]) == {"timed_out"}

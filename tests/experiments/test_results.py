@@ -281,11 +281,10 @@ def test_a_crash_while_writing_leaves_no_half_part(tmp_path: Path, monkeypatch: 
     results.write_batch(cell, range(1), [(0, a_record())])
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
-    def half(table: object, file: Path, **_: object) -> None:
-        Path(file).write_bytes(b"PAR1 and then the disk was full")
+    def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(pq, "write_table", half)
+    monkeypatch.setattr(os, "fsync", full)
     for episodes in (range(1), range(1, 2)):
         with pytest.raises(OSError, match="No space left"):
             results.write_batch(cell, episodes, [(episodes[0], a_record(time_s=7.0))])

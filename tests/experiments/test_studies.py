@@ -9,11 +9,13 @@ import time
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
 import pytest
 from commands import NAVBENCH, Command, workers_of
 
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_study, compose_tuning
+from navbench.experiments import parts
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import run_plan
 from navbench.experiments.store import Results
@@ -101,16 +103,18 @@ def test_an_interrupt_ends_a_study_and_says_how_to_go_on(tmp_path: Path) -> None
     assert "this goes on from there: navbench study smoke workers=2" in err
 
 
-def test_finished_parts_are_not_run_again_and_foreign_ones_are_removed(finished: Path, tmp_path: Path) -> None:
+def test_finished_parts_are_not_run_again_and_others_are_removed_only_where_that_is_asked_for(tmp_path: Path) -> None:
     chosen = compose_study("smoke")
     path = tmp_path / "study"
-    os.symlink(finished / "outputs/study/smoke/episodes", tmp_path / "unused")
     results = run_plan(chosen, path, 1).results
     before = {file: file.stat().st_mtime_ns for file in path.glob("episodes/*.parquet")}
     stray = path / "episodes" / "part-0123456789abcdef-000000-000024.parquet"
-    stray.write_bytes(b"of another configuration")
+    parts.write(path, f"episodes/{stray.name}", pa.table({"run_id": ["of another configuration"]}), {})
+    with pytest.raises(DescriptionError, match=f"1 finished parts that are not of this plan, such as .*{stray.name}; "):
+        run_plan(chosen, path, 1)
+    assert stray.exists()
     told: list[tuple[str, int, int]] = []
-    run_plan(chosen, path, 1, progress=lambda *words: told.append(words))
+    run_plan(chosen, path, 1, progress=lambda *words: told.append(words), overwrite=True)
     assert told == []
     assert not stray.exists()
     assert {file: file.stat().st_mtime_ns for file in path.glob("episodes/*.parquet")} == before
