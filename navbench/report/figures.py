@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults, driven, reached
 from navbench.experiments.files import replacing
 from navbench.experiments.store import Results
+from navbench.report.drawing import draw_circle, draw_world, sparse
 from navbench.robot import Robot
 from navbench.validation import describe
 from navbench.world.layout import DrawnWorld
-from navbench.world.shapes import Mover
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Panel: TypeAlias = "tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame, pd.DataFrame]"
 
-OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
-MOVER_EDGE = "#5e3f96"
 COLOURS = {
     "reached": "#1b7f5a",
     "collided": "#c1121f",
@@ -85,32 +83,6 @@ def nested_width(rank: int, count: int) -> float:
 def robot_color(index: int) -> str:
     """Return the colour of one of a fleet's robots."""
     return PALETTE[index % len(PALETTE)]
-
-
-def thinned(points: FloatArray, tolerance_m: float) -> FloatArray:
-    """Return a polyline with fewer points that strays from it by no more than a tolerance, after Douglas and Peucker.
-
-    Args:
-        points: (n, 2) x, y [m], n >= 1.
-        tolerance_m: the largest distance of a dropped point from its chord [m].
-    """
-    kept = np.zeros(len(points), dtype=bool)
-    kept[[0, -1]] = True
-    spans = [(0, len(points) - 1)]
-    while spans:
-        begin, end = spans.pop()
-        chord, inner = points[end] - points[begin], points[begin + 1 : end] - points[begin]
-        if not len(inner):
-            continue
-        length2 = float(chord @ chord)
-        along = np.clip(inner @ chord / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(inner))
-        away = np.hypot(*(inner - along[:, None] * chord).T)
-        farthest = int(np.argmax(away))
-        if away[farthest] > tolerance_m:
-            middle = begin + 1 + farthest
-            kept[middle] = True
-            spans += [(begin, middle), (middle, end)]
-    return points[kept]
 
 
 def new_figure(rows: int, columns: int, width: float, height: float, **shared: Any) -> "tuple[Figure, Any]":
@@ -220,7 +192,7 @@ def draw_cell(
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
     sample = _draw_paths(ax, trajectories, outcomes, robot.radius_m)
     for start in () if world is None else world.starts:
-        ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
+        draw_circle(ax, start.x_m, start.y_m, robot.radius_m)
     seen = [name for name in COLOURS if name in set(outcomes.values())]
     handles = [
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
@@ -238,7 +210,7 @@ def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any,
     paths = np.split(trajectories[["x_m", "y_m"]].to_numpy(), begins[1:])
     shown = range(0, len(begins), -(-len(begins) // LINES_MAX) or 1)  # of a world without a layout there are none
     colours = [COLOURS[outcomes[tuple(keys[begins[i]])]] for i in shown]
-    lines = [_sparse(paths[i], float(np.ptp(ax.get_xlim())) / COLUMNS_MAX) for i in shown]
+    lines = [sparse(paths[i], float(np.ptp(ax.get_xlim())) / COLUMNS_MAX) for i in shown]
     opacity = max(0.15, 6.0 / max(6, len(shown)))
     ax.add_collection(LineCollection(lines, colors=colours, linewidths=1.4, alpha=opacity, zorder=4), autolim=False)
     ends = np.reshape([line[-1] for line in lines], (-1, 2))
@@ -246,73 +218,6 @@ def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any,
     size = 2.0 * radius_m
     ax.add_collection(EllipseCollection(size, size, 0.0, facecolors="none", edgecolors=colours, **place), autolim=False)
     return f"\n{len(shown)} of {len(begins)} paths, taken evenly" if len(shown) < len(begins) else ""
-
-
-def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
-    """Draw a world: bounds, boxes, walls, discs, polygons, movers, goals and the finish line.
-
-    Args:
-        ax: where to draw.
-        world: what to draw.
-        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their paths.
-    """
-    from matplotlib.patches import Polygon
-
-    for i, box in enumerate(world.solids()):
-        ax.add_patch(Polygon(_corners(box), color=OBSTACLE if i < len(world.boxes) else WALL, zorder=2))
-    for disc in world.discs:
-        ax.add_patch(_circle(disc.x_m, disc.y_m, disc.radius_m, color=OBSTACLE))
-    for polygon in world.polygons:
-        ax.add_patch(Polygon([(p.x_m, p.y_m) for p in polygon.corners], color=OBSTACLE, zorder=2))
-    for mover in world.movers:
-        points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
-        if t_s is None:
-            ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=0.8, zorder=1)
-        _draw_mover(ax, mover, *mover.place(t_s or 0.0))
-    for goal in world.goals:
-        ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
-        ax.plot(goal.x_m, goal.y_m, "x", color="black", markersize=7, zorder=5)
-    if world.finish_line is not None:
-        line = world.finish_line
-        ax.plot([line.x1_m, line.x2_m], [line.y1_m, line.y2_m], ":", color="black", zorder=3)
-    b = world.bounds
-    margin = 0.04 * max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m)
-    ax.set(xlim=(b.x_min_m - margin, b.x_max_m + margin), ylim=(b.y_min_m - margin, b.y_max_m + margin))
-    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-
-
-def _draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float) -> None:
-    from matplotlib.patches import Polygon
-
-    if mover.outline:
-        corners = [(x_m + p.x_m, y_m + p.y_m) for p in mover.outline]
-        ax.add_patch(Polygon(corners, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8, zorder=3))
-    else:
-        ax.add_patch(_circle(x_m, y_m, mover.radius_m, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8))
-
-
-def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float, color: str = "black") -> None:
-    """Draw a robot's hull, such as where it begins."""
-    ax.add_patch(_circle(x_m, y_m, radius_m, fill=False, color=color, zorder=6))
-
-
-def _corners(box: Any) -> Any:
-    half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (box.length_m, box.width_m)
-    cosine, sine = np.cos(box.heading_rad), np.sin(box.heading_rad)
-    return half @ np.array([[cosine, sine], [-sine, cosine]]) + (box.x_m, box.y_m)
-
-
-def _sparse(points: FloatArray, width_m: float) -> FloatArray:
-    """Return a path (n, 2) without what lies in the same square, so wide [m], as the point before, but with its end."""
-    moved = np.flatnonzero(np.diff(np.floor(points / width_m), axis=0).any(axis=1))
-    kept: FloatArray = points[np.unique([0, *(moved + 1), len(points) - 1])]
-    return kept
-
-
-def _circle(x_m: float, y_m: float, radius_m: float, **style: Any) -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle((x_m, y_m), radius_m, **{"zorder": 3, **style})
 
 
 def _count(outcomes: dict[Any, str], name: str) -> int:

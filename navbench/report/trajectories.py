@@ -1,6 +1,5 @@
 """Sections of a report that are pictures of runs: trajectories over their world, frames of an episode, time series."""
 
-import math
 import string
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,20 +9,18 @@ from numpy.typing import NDArray
 
 from navbench.experiments.store import ResultsError
 from navbench.report.document import Blocks, Paragraph
+from navbench.report.drawing import draw_circle, draw_robot, draw_world, thinned
 from navbench.report.figures import (
     PALETTE,
     draw_cells,
-    draw_circle,
-    draw_world,
     label_legend,
     nested_width,
     new_figure,
     panel_of,
     robot_color,
-    thinned,
 )
 from navbench.report.page import Page, Select
-from navbench.report.paths import cut, write_beside
+from navbench.report.paths import Word, cut, write_beside
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +80,11 @@ def trajectories(
         cut(ax, [path for _, path in paths], robot.radius_m)
         first = {f"R{row['robot_index'] + 1}": tuple(path[["x_m", "y_m"]].iloc[0]) for row, path in reversed(paths)}
         if len(first) > 1:
-            starts[ax] = [(place, name) for name, place in first.items()], [path for _, path in paths], robot.radius_m
+            starts[ax] = (
+                [Word(place, name) for name, place in first.items()],
+                [path for _, path in paths],
+                robot.radius_m,
+            )
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
@@ -143,10 +144,7 @@ def frames(page: Page, *, select: Select, times_s: Sequence[float] = (), columns
         for path, color in zip(paths, map(robot_color, range(len(paths))), strict=True):
             so_far = path[path["t_s"] <= t_s]
             ax.plot(so_far["x_m"], so_far["y_m"], color=color, linewidth=1.0, zorder=5)
-            x, y, heading = so_far[["x_m", "y_m", "heading_rad"]].iloc[-1]
-            draw_circle(ax, x, y, robot.radius_m, color)
-            tip = x + 1.5 * robot.radius_m * math.cos(heading), y + 1.5 * robot.radius_m * math.sin(heading)
-            ax.plot([x, tip[0]], [y, tip[1]], color="black", linewidth=1.2, zorder=7)
+            draw_robot(ax, so_far[["x_m", "y_m", "heading_rad"]].iloc[-1], robot.radius_m, color)
         ax.set(xlabel="", ylabel="")
         ax.set_title(f"{string.ascii_lowercase[i % 26]}) {t_s:.1f} s", fontsize=10)
     for ax in axes.ravel()[len(times) :]:
@@ -190,7 +188,7 @@ def time_series(
                 if column in PLACE:
                     ax.plot(path["t_s"], values, label=called, **look)
                 else:
-                    _stairs(ax, path["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
+                    stairs(ax, path["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
             for called, (begin_s, end_s) in (spans or {}).items():
                 ax.axvspan(begin_s, end_s, color="0.85", zorder=0, label=called if ax is axes[0, 0] else None)
             if bands and label in bands:
@@ -204,11 +202,11 @@ def time_series(
         above[0].set_title(title)
         above[-1].set_xlabel("t [s]")
     for row in axes:
-        _widen_flat(row)
+        widen_flat(row)
     return [page.plot(figure)]
 
 
-def _stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: Mapping[str, Any]) -> None:
+def stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: Mapping[str, Any]) -> None:
     """Draw what a controller held over each control period; its last row belongs to the end, when it acted no more.
 
     Args:
@@ -244,7 +242,7 @@ def chatter(t_s: FloatArray, values: FloatArray) -> NDArray[np.bool_]:
     return found
 
 
-def _widen_flat(row: "Sequence[Axes]") -> None:
+def widen_flat(row: "Sequence[Axes]") -> None:
     """Give those axes of a row whose series do not change the range of the others, or one of 1 around their value."""
     limits = {ax: ax.get_ylim() for ax in row}
     flat = [ax for ax in row if np.ptp(ax.dataLim.intervaly) < FLAT]
