@@ -20,6 +20,8 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench study aouf2019                           reproduce a paper, number beside number, into results/aouf2019
   navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, and run nothing
   navbench report join=results                      join the reports in that directory into its README.md
+  navbench show DIR [episode=K]                     draw one episode: by default the first in which a robot failed
+  navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each
 
@@ -38,12 +40,12 @@ options
   -m, --multirun                                    sweep over comma-separated values
   --config-dir DIR                                  add your own controllers, worlds and robots
   --cfg job                                         print the composed configuration and run nothing
-  --version, -h, --help                             also after tune, study and report
+  --version, -h, --help                             also after tune, study, report and show
 
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
-VERBS = ("list", "tune", "study", "report")
+VERBS = ("list", "tune", "study", "report", "show")
 
 
 def main() -> None:

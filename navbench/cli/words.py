@@ -11,7 +11,13 @@ from navbench.cli.catalogue import LISTED, check_folder
 from navbench.validation import DescriptionError
 
 RESUME = "resume=other-code"
-FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c", "--trust": "--trust"}  # beside -h, --help
+FLAGS = {
+    "--config-dir": "-cd",
+    "--multirun": "-m",
+    "--cfg": "-c",
+    "--trust": "--trust",
+    "--open": "--open",
+}  # beside -h, --help
 
 
 class Words(NamedTuple):
@@ -25,6 +31,7 @@ class Words(NamedTuple):
         cfg: whether ``--cfg job`` was given.
         other_code: whether ``resume=other-code`` was given.
         trust: whether ``--trust`` was given.
+        open: whether ``--open`` was given.
     """
 
     names: list[str]
@@ -34,6 +41,7 @@ class Words(NamedTuple):
     cfg: bool
     other_code: bool
     trust: bool
+    open: bool
 
     def place(self, key: str, path: Path) -> list[str]:
         """Return the word that names a directory, where the others do not."""
@@ -54,7 +62,7 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
     parser = _Parser(add_help=False, allow_abbrev=False)
     parser.add_argument("words", nargs="*")
     for flag in flags:
-        if flag in ("--multirun", "--trust"):
+        if flag in ("--multirun", "--trust", "--open"):
             parser.add_argument(flag, FLAGS[flag], action="store_true")
         else:
             parser.add_argument(flag, FLAGS[flag], choices=("job",) if flag == "--cfg" else None)
@@ -77,6 +85,7 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
         cfg=getattr(given, "cfg", None) is not None,
         other_code=RESUME in overrides,
         trust=getattr(given, "trust", False),
+        open=getattr(given, "open", False),
     )
 
 

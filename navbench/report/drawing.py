@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.world.grid import Grid
-from navbench.world.layout import DrawnWorld
+from navbench.world.layout import DrawnWorld, Start
 from navbench.world.shapes import Box, Disc, Mover, Point, Polygon
 
 if TYPE_CHECKING:
@@ -71,6 +71,11 @@ def draw_goal(ax: "Axes", goal: Point, tolerance_m: float, color: str = "black")
     """Draw a goal: the disc in which a robot has reached it, and its middle."""
     ax.add_patch(_circle(goal.x_m, goal.y_m, tolerance_m, color=GOAL, alpha=0.9))
     ax.plot(goal.x_m, goal.y_m, "x", color=color, markersize=7, zorder=5)
+
+
+def draw_pair(ax: "Axes", start: Start, goal: Point, color: str) -> None:
+    """Join a start with its goal."""
+    ax.plot([start.x_m, goal.x_m], [start.y_m, goal.y_m], ":", color=color, linewidth=0.9, zorder=3)
 
 
 def frame(ax: "Axes", world: DrawnWorld, paths: FloatArray = NOWHERE) -> None:

@@ -16,6 +16,7 @@ from navbench.report.drawing import (
     MOVER_EDGE,
     draw_goal,
     draw_obstacles,
+    draw_pair,
     draw_robot,
     frame,
     mover_patch,
@@ -213,7 +214,7 @@ def _draw_goal(ax: "Axes", world: DrawnWorld, drive: Drive) -> None:
     index = drive.row["robot_index"]
     start, goal = world.starts[index], world.goals[index]
     draw_goal(ax, goal, world.goal_tolerance_m, drive.color)
-    ax.plot([start.x_m, goal.x_m], [start.y_m, goal.y_m], ":", color=drive.color, linewidth=0.9, zorder=3)
+    draw_pair(ax, start, goal, drive.color)
 
 
 def _draw_behaviors(ax: "Axes", shown: Sequence[Drive]) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Figures of stored results: trajectories over their world; and how a figure is saved."""
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -46,6 +46,11 @@ PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neig
     "#999933",
 )
 MARKERS = "osD^vP*<p"
+METADATA: dict[str, dict[str, str | None]] = {  # what would differ from one time to the next
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+}
+STACK_INCHES = 10.0  # how wide a picture of blocks is
 DPI = 110  # of a PNG; an SVG has its own
 
 
@@ -93,6 +98,41 @@ def new_figure(rows: int, columns: int, width: float, height: float, **shared: A
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
+class Block(NamedTuple):
+    """Some panels of a picture, side by side and below each other, under a title.
+
+    Attributes:
+        title: above them.
+        panels: what draws each of them.
+        columns: how many stand side by side.
+        height: of each [inches].
+    """
+
+    title: str
+    panels: "Sequence[Callable[[Axes], None]]"
+    columns: int
+    height: float
+
+
+def stacked(title: str, blocks: Sequence[Block]) -> "Figure":
+    """Return a picture of blocks below each other."""
+    from matplotlib.figure import Figure
+
+    rows = [-(-len(block.panels) // block.columns) for block in blocks]
+    heights = [block.height * count + 0.3 for block, count in zip(blocks, rows, strict=True)]
+    figure = Figure(figsize=(STACK_INCHES, sum(heights) + 0.4), layout="constrained")
+    figure.suptitle(title, fontsize=11)
+    parts = figure.subfigures(len(blocks), 1, height_ratios=heights, squeeze=False).ravel()
+    for part, block, count in zip(parts, blocks, rows, strict=True):
+        part.suptitle(block.title, fontsize=10)
+        axes = part.subplots(count, block.columns, squeeze=False).ravel()
+        for ax, draw in zip(axes, block.panels, strict=False):
+            draw(ax)
+        for ax in axes[len(block.panels) :]:
+            ax.set_axis_off()
+    return figure
+
+
 def label_legend(
     figure: "Figure", style: Mapping[str, Style], labels: Sequence[str], widths: Sequence[float], columns: int = 99
 ) -> None:
@@ -123,11 +163,8 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
         out: the report's directory.
         stem: the files' name without its ending.
     """
-    import matplotlib
-
-    with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
-        for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-            _save_whole(figure, out / "figures" / f"{stem}.{form}", metadata)
+    for form in ("png", "svg"):
+        save_whole(figure, out / "figures" / f"{stem}.{form}")
 
 
 def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
@@ -140,7 +177,7 @@ def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None
     """
     stored, episodes = StoredResults(results), results.episodes()
     panels = [panel_of(stored, run, episodes[episodes["run_id"] == run]) for run in runs]
-    _save_whole(draw_cells(panels), file, {"Software": None} if file.suffix == ".png" else None)
+    save_whole(draw_cells(panels), file)
 
 
 def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Panel":
@@ -250,26 +287,27 @@ def save_convergence(results: Results, file: Path) -> None:
         ax.step(evaluations, rows["cost"].cummin(), where="post", label=f"{name}, seed {seed}: least so far")
     ax.set(xlabel="evaluations", ylabel="cost", yscale="log" if (results.evaluations()["cost"] > 0).all() else "linear")
     ax.legend(frameon=False)
-    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+    save_whole(figure, file)
 
 
-def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None] | None) -> None:
-    """Save a figure whole or not at all: under a temporary name, then renamed.
+def save_whole(figure: "Figure", file: Path) -> None:
+    """Save a figure whole or not at all, the same bytes for the same figure; its ending chooses the format.
 
     With a layout engine, it is laid out and measured here: asked for a tight box, ``savefig`` would draw it twice.
     """
-    from matplotlib import rcParams
+    from matplotlib import rc_context, rcParams
     from matplotlib.backend_bases import get_registered_canvas_class
 
     content, form, box = io.BytesIO(), file.suffix[1:], None
     layout = figure.get_layout_engine()
     dpi = get_registered_canvas_class(form)(figure).fixed_dpi or DPI
-    figure.set_dpi(dpi)
-    if layout is not None:
-        layout.execute(figure)
-        box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
-    figure.set_layout_engine(None)
-    figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
-    figure.set_layout_engine(layout)
+    with rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
+        figure.set_dpi(dpi)
+        if layout is not None:
+            layout.execute(figure)
+            box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
+        figure.set_layout_engine(None)
+        figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=METADATA.get(form))
+        figure.set_layout_engine(layout)
     with replacing(file) as temporary:
         temporary.write_bytes(content.getvalue())
