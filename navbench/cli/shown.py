@@ -8,6 +8,7 @@ from navbench.cli.configuration import SEED_MAX, cell_of, latest_sources, withou
 from navbench.cli.worlds import world_of
 from navbench.robot import Robot
 from navbench.sensors import Sensors
+from navbench.sources import KINDS
 from navbench.validation import DescriptionError, describe
 
 if TYPE_CHECKING:
@@ -40,8 +41,9 @@ def _controller(composed: Composed, words: Sequence[str]) -> Drawn:
     name = cell.names.controller
     own = cell.native.robot if cell.native and not _gives("robot", words) else cell.robot
     controller = composed.values["controller"]
-    figure = draw_controller(name, cell.make_controller(), own, cell.sensors, _parameters(controller))
-    return figure, f"controller {name}", f"controller {name} with sensors {cell.names.sensors}"
+    says = f"controller {name} with sensors {cell.names.sensors}"
+    figure = draw_controller(says, cell.make_controller(), own, cell.sensors, _parameters(controller))
+    return figure, f"controller {name}", says
 
 
 def _parameters(controller: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -52,7 +54,7 @@ def _parameters(controller: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows = []
     for name, value in leaves_of(without(controller["build"], "_target_")):
         key = max((key for key in sources if f"build.{name}".startswith(key)), key=len, default="")
-        rows.append((name, value, ", ".join(kind for kind in sources.get(key, {}) if kind not in ("range", "choices"))))
+        rows.append((name, value, next((kind for kind in KINDS if kind in sources.get(key, {})), "")))
     return rows
 
 

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WHEEL_LENGTH, WHEEL_WIDTH = 0.7, 0.16  # of a wheel as it is drawn, in radii: no robot says how large it is
-NAMED_MAX = 24  # roles; of more every second, third, ... is named
+LEVEL_MAX, NAMED_MAX = 20, 60  # roles that are written level, and that are written at all
+AHEAD_RADII = 0.75  # where the arrow's tip is that shows the heading
 BODY, WHEEL = "#5c677d", "#333333"
-HALF_RADII = 1.9  # what a picture of the body shows to each side
+HALF_RADII, NAMED_RADII = 1.9, 2.6  # what a picture of the body shows to each side, without and with roles
 
 
 def robot_block(robot: Robot) -> Block:
@@ -69,10 +70,14 @@ def draw_body(ax: "Axes", radius_m: float, track_m: float | None) -> None:
         place = (-0.5 * WHEEL_LENGTH * r, y - 0.5 * WHEEL_WIDTH * r)
         ax.add_patch(Rectangle(place, WHEEL_LENGTH * r, WHEEL_WIDTH * r, color=WHEEL, zorder=4))
     arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0.0, "shrinkB": 0.0}
-    ax.annotate("", (1.45 * r, 0.0), (0.0, 0.0), arrowprops=arrow, zorder=7)
-    ax.annotate("forward", (1.45 * r, 0.0), (2, 4), textcoords="offset points", fontsize=8, ha="right")
-    reach = HALF_RADII * max(r, half)
-    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m], forward", ylabel="y [m], left", aspect="equal")
+    ax.annotate("", (AHEAD_RADII * r, 0.0), (0.0, 0.0), arrowprops=arrow, zorder=7)
+    _frame_body(ax, HALF_RADII * max(r, half))
+
+
+def _frame_body(ax: "Axes", half_m: float) -> None:
+    """Show so much to each side of a robot [m]."""
+    ax.set(xlim=(-half_m, half_m), ylim=(-half_m, half_m), aspect="equal")
+    ax.set(xlabel="x [m], forward", ylabel="y [m], left")
 
 
 def _draw_facts(ax: "Axes", facts: dict[str, str]) -> None:
@@ -86,27 +91,35 @@ def _draw_mounts(ax: "Axes", sensors: Sensors, track_m: float | None) -> None:
     """Draw where the sensors sit and look, and what they are called."""
     r = sensors.drawn_for_radius_m
     draw_body(ax, r, track_m)
-    every = -(-len(sensors.mounts) // NAMED_MAX) or 1
-    for i, mount in enumerate(sensors.mounts):
+    mounts = sorted(sensors.mounts, key=lambda mount: mount.heading_rad)
+    every = -(-len(mounts) // NAMED_MAX) or 1
+    for i, mount in enumerate(mounts):
         color, ahead = PALETTE[i % len(PALETTE)], (math.cos(mount.heading_rad), math.sin(mount.heading_rad))
         ax.plot(mount.x_m, mount.y_m, "o", color=color, markersize=4, zorder=8)
         tip = mount.x_m + 0.28 * r * ahead[0], mount.y_m + 0.28 * r * ahead[1]
         ax.plot([mount.x_m, tip[0]], [mount.y_m, tip[1]], color=color, linewidth=1.4, zorder=8)
         if i % every == 0:
-            away = max(math.hypot(mount.x_m, mount.y_m), r) + 0.36 * r
-            bearing = math.atan2(tip[1], tip[0])
-            side = "left" if math.cos(bearing) > 0.2 else "right" if math.cos(bearing) < -0.2 else "center"
-            place = away * math.cos(bearing), away * math.sin(bearing)
-            ax.text(*place, mount.role, color=color, fontsize=8, ha=side, va="center", zorder=9)
-    named = f", every {every}th named" if every > 1 else ""
-    ax.set_title(f"{len(sensors.mounts)} range sensors{named}" if sensors.mounts else "no range sensors", fontsize=9)
+            bearing, away = math.atan2(tip[1], tip[0]), max(math.hypot(*tip), r) + 0.08 * r
+            _name_mount(ax, mount.role, away, bearing, color, level=len(mounts) <= LEVEL_MAX)
+    _frame_body(ax, NAMED_RADII * r)
+    named = f", one of {every} named" if every > 1 else ""
+    ax.set_title(f"{len(mounts)} range sensors{named}" if mounts else "no range sensors", fontsize=9)
+
+
+def _name_mount(ax: "Axes", role: str, away_m: float, bearing_rad: float, color: str, level: bool) -> None:
+    """Write a sensor's role at a distance from the middle, away from it: level, or where there are many as a ray."""
+    x, y = math.cos(bearing_rad), math.sin(bearing_rad)
+    side = "left" if x > (0.2 if level else 0.0) else "right" if x < (-0.2 if level else 0.0) else "center"
+    turn = 0.0 if level else math.degrees(math.atan2(y, x) if x > 0.0 else math.atan2(-y, -x))
+    look: dict[str, Any] = {"ha": side, "va": "center", "rotation": turn, "rotation_mode": "anchor"}
+    ax.text(away_m * x, away_m * y, role, color=color, fontsize=8 if level else 7, zorder=9, **look)
 
 
 def _draw_reach(ax: "Axes", sensors: Sensors) -> None:
     """Draw the rays of all cones, from their least to their greatest reading, and how far the tracker sees."""
     from matplotlib.collections import LineCollection
 
-    mounts = sensors.complete_mounts()
+    mounts = sorted(sensors.complete_mounts(), key=lambda mount: mount.heading_rad)
     radius_m = sensors.drawn_for_radius_m
     draw_circle(ax, 0.0, 0.0, radius_m, BODY)
     rays = [_rays_of(mount) for mount in mounts]
@@ -117,8 +130,7 @@ def _draw_reach(ax: "Axes", sensors: Sensors) -> None:
         seen_m = radius_m + sensors.tracker.range_m
         ax.add_patch(_ring(seen_m))
         far = max(far, seen_m) if far > 0.1 * seen_m or not rays else far
-    limit = 1.08 * far
-    ax.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel="x [m], forward", ylabel="y [m], left", aspect="equal")
+    _frame_body(ax, 1.08 * far)
     ax.set_title("\n".join(told_of(sensors)), fontsize=9)
 
 

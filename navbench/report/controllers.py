@@ -24,7 +24,8 @@ Draw = Callable[["Axes"], None]
 FloatArray = NDArray[np.float64]
 
 POINTS, SIDE = 401, 41  # of a curve, and along each side of a surface
-ROW_INCHES, LINE_INCHES = 0.24, 0.15  # of a rule grid, and of a line of text
+TERMS = 7  # of a variable; with more only two stand side by side
+ANSWER_INCHES, ROW_INCHES, LINE_INCHES = 2.6, 0.2, 0.15  # a surface, a row of a rule grid, a line of text
 DEEP = 2  # attributes of attributes of a controller are looked through
 TINTS = 0.55  # how far a rule's colour is from white
 
@@ -64,15 +65,15 @@ def _blocks_of(name: str, part: FuzzyInference) -> list[Block]:
     called = name.replace("_", " ")
     variables = _distinct({**part.inputs, **part.outputs})
     sets: list[Draw] = [partial(_draw_variable, title=title, variable=one) for title, one in variables.items()]
-    surfaces: list[Draw] = [partial(_draw_output, part=part, output=i) for i in range(len(part.outputs))]
-    grids: list[Draw] = [partial(draw_rules, part=part, output=i) for i in range(len(part.outputs))]
-    rows = len(_premises(part)[0])
+    answers: list[Draw] = []
+    for output in range(len(part.outputs)):
+        answers += [partial(_draw_output, part=part, output=output), partial(draw_rules, part=part, output=output)]
+    columns = 2 if max(len(one.terms) for one in variables.values()) > TERMS else 3
     held = f", with {' and '.join([*part.inputs][2:])} in the middle" if len(part.inputs) > 2 else ""
-    flat = rows == 1  # of one input: its outputs' rows below each other
+    height = max(ANSWER_INCHES, 0.8 + ROW_INCHES * len(_premises(part)[0]))
     return [
-        Block(f"{called}: fuzzy sets", sets, min(2, len(sets)), 1.6),
-        Block(f"{called}: control surface{held}", surfaces, 2 if len(surfaces) > 1 else 1, 2.7),
-        Block(f"{called}: rules", grids, 1 if flat else min(2, len(grids)), 0.8 + ROW_INCHES * (rows + flat)),
+        Block(f"{called}: fuzzy sets", sets, min(columns, len(sets)), 1.9),
+        Block(f"{called}: control surface{held}, and rules", answers, 2, height),
     ]
 
 
@@ -121,9 +122,10 @@ def _draw_output(ax: "Axes", part: FuzzyInference, output: int) -> None:
 
 def _premises(part: FuzzyInference) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     """Return the premises of a rule base's rows and columns: the first half of its inputs, and the second half."""
-    split, count = len(part.inputs) // 2, len(part.inputs)
-    rows, columns = ([rule[:split] for rule in part.rules], [rule[split:count] for rule in part.rules])
-    return [tuple(one) for one in dict.fromkeys(map(tuple, rows))], [*dict.fromkeys(map(tuple, columns))]
+    split, count = (len(part.inputs) + 1) // 2, len(part.inputs)
+    return [*dict.fromkeys(rule[:split] for rule in part.rules)], [
+        *dict.fromkeys(rule[split:count] for rule in part.rules)
+    ]
 
 
 def draw_rules(ax: "Axes", part: FuzzyInference, output: int) -> None:
@@ -132,22 +134,20 @@ def draw_rules(ax: "Axes", part: FuzzyInference, output: int) -> None:
 
     rows, columns = _premises(part)
     names, label = list(part.inputs), list(part.outputs)[output]
-    split = len(names) // 2
-    terms = list(part.outputs[label].terms)
+    split, terms = len(rows[0]), list(part.outputs[label].terms)
     shades = 1.0 - TINTS * (1.0 - colormaps["coolwarm"](np.linspace(0.0, 1.0, len(terms)))[:, :3])
     picture = np.ones((len(rows), len(columns), 3))
     for rule in part.rules:
-        row, column = rows.index(tuple(rule[:split])), columns.index(tuple(rule[split : len(names)]))
+        row, column = rows.index(rule[:split]), columns.index(rule[split : len(names)])
         term = rule[len(names) + output]
         if term in terms:
             picture[row, column] = shades[terms.index(term)]
         ax.text(column, row, term, ha="center", va="center", fontsize=8)
     ax.imshow(picture, aspect="auto", interpolation="none")
     ax.set_xticks(range(len(columns)), [_premise(one) for one in columns], fontsize=8)
-    ax.set_yticks(range(len(rows)), [_premise(one) for one in rows] if split else [label], fontsize=8)
+    ax.set_yticks(range(len(rows)), [_premise(one) for one in rows], fontsize=8)
     ax.set(xlabel=", ".join(names[split:]), ylabel=", ".join(names[:split]))
-    if split:
-        ax.set_title(label, fontsize=9)
+    ax.set_title(label, fontsize=9)
     ax.tick_params(length=0)
 
 

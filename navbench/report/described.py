@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-LEVELS = 10  # steps of colour
+LEVELS, EXACT = 10, 9  # steps of colour, decimals
 ROUNDED = 1e-4  # of an axis: its ends are printed numbers
 NAMED_APART, EDGE = 0.04, 0.015  # of an axis: between the names of two sets, and from its end
 
@@ -82,6 +82,7 @@ def draw_surface(ax: "Axes", across: FloatArray, up: FloatArray, values: FloatAr
         values: (m, n).
         label: what the value is called.
     """
+    values = np.round(values, EXACT)  # a plateau's rounding errors would be drawn as lines
     filled = ax.contourf(across, up, values, levels=LEVELS, cmap="viridis")
     lines = ax.contour(across, up, values, levels=filled.levels, colors="white", linewidths=0.6)
     ax.clabel(lines, fontsize=8)

@@ -33,14 +33,19 @@ def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
         t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their paths.
     """
     draw_obstacles(ax, world)
+    draw_movers(ax, world, t_s)
+    for goal in world.goals:
+        draw_goal(ax, goal, world.goal_tolerance_m)
+    frame(ax, world)
+
+
+def draw_movers(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
+    """Draw the movers; arguments as of ``draw_world``."""
     for mover in world.movers:
         points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
         if t_s is None:
             ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=0.8, zorder=1)
         ax.add_patch(mover_patch(mover, *mover.place(t_s or 0.0), facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8))
-    for goal in world.goals:
-        draw_goal(ax, goal, world.goal_tolerance_m)
-    frame(ax, world)
 
 
 def draw_obstacles(ax: "Axes", world: DrawnWorld) -> None:

@@ -307,7 +307,8 @@ def _draw_velocities(v: "Axes", w: "Axes", shown: Sequence[Drive], told: Drive) 
     """Draw all robots' speeds and turning rates, that of which the trace is told in front."""
     for drive in shown:
         front = drive is told
-        look = {"color": drive.color, "linewidth": 1.3 if front else 0.7, "zorder": 3 if front else 2}
+        color = drive.color if front or len(shown) <= NUMBERED_MAX else "0.8"
+        look = {"color": color, "linewidth": 1.3 if front else 0.7, "zorder": 3 if front else 2}
         for ax, name in ((v, "v_mps"), (w, "w_radps")):
             stairs(ax, drive.path["t_s"].to_numpy(), drive.path[name].to_numpy(dtype=float), drive.name, look)
     for ax, label in ((v, "v [m/s]"), (w, "w [rad/s]")):

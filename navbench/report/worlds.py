@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from navbench.report.drawing import MARGIN, draw_goal, draw_pair, draw_robot, draw_world
+from navbench.report.drawing import MARGIN, draw_goal, draw_movers, draw_obstacles, draw_pair, draw_robot, frame
 from navbench.report.figures import STACK_INCHES, Block, robot_color, stacked
 from navbench.world.layout import DrawnWorld
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS, NAMED_MAX = 3, 12  # robots with names: more names cover the picture
+NAME_POINTS = (6, 6)  # from a start to its robot's name
 HEIGHT_INCHES = (1.5, 7.5)  # of a panel
 
 
@@ -38,10 +39,15 @@ def draw_layouts(title: str, layouts: Sequence[DrawnWorld], radius_m: float) -> 
 
 def draw_layout(ax: "Axes", world: DrawnWorld, radius_m: float, title: str = "") -> None:
     """Draw a layout with its movers' paths, and each robot at its start, joined with its goal."""
-    draw_world(ax, world)
-    width_m = float(np.ptp(ax.get_xlim()))
+    draw_obstacles(ax, world)
+    draw_movers(ax, world)
+    frame(ax, world)
+    tip_m = MARGIN * float(np.ptp(ax.get_xlim()))
     for i, (start, goal) in enumerate(zip(world.starts, world.goals, strict=True)):
-        draw_pair(ax, start, goal, robot_color(i))
-        draw_goal(ax, goal, world.goal_tolerance_m, robot_color(i))
-        draw_robot(ax, (start.x_m, start.y_m, world.start_heading_rad(i)), radius_m, robot_color(i), MARGIN * width_m)
+        color, place = robot_color(i), (start.x_m, start.y_m)
+        draw_pair(ax, start, goal, color)
+        draw_goal(ax, goal, world.goal_tolerance_m, color)
+        draw_robot(ax, (*place, world.start_heading_rad(i)), radius_m, color, tip_m)
+        if 1 < world.robots <= NAMED_MAX:
+            ax.annotate(f"R{i + 1}", place, NAME_POINTS, textcoords="offset points", color=color, fontsize=8)
     ax.set_title(title, fontsize=9)
