@@ -161,8 +161,9 @@ def _episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
         raise DescriptionError(f"no layout could be drawn in any episode: {undrawn.iloc[0]}")
     failed = sorted(rows[~rows["outcome"].isin(["reached", "no_layout"])]["episode"].unique().tolist())
     if failed:
-        return failed[0], f"the first episode of {len(failed)} in which a robot failed, of {len(driven)} in all"
-    return driven[0], f"the first episode of {len(driven)}; no robot failed in any"
+        which = f"the first of {len(failed)} failed episodes" if len(failed) > 1 else "the only failed episode"
+        return failed[0], f"{which}, of {len(driven)}"
+    return driven[0], f"no failure in {len(driven)} episode{'s' * (len(driven) > 1)}; this is the first"
 
 
 def _spans(numbers: Sequence[int]) -> str:

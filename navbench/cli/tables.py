@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navbench.experiments.store import Results, write_table
 
@@ -24,9 +24,9 @@ def print_tables(results: Results) -> None:
         print(line)
     for line in StoredResults(results).missing:
         print(line)
-    shown = len(_drawn(results))
-    if shown < len(table):
-        print(f"trajectories.png: {shown} of {len(table)} cells, taken evenly from the table")
+    sampled = _drawn(results).says
+    if sampled:
+        print(f"trajectories.png: {sampled}")
     print(f"results: {results.path}")
 
 
@@ -44,17 +44,38 @@ def write_tables(results: Results) -> "pd.DataFrame":
     picture = results.path / "trajectories.png"
     drawn_of = (results.path / "episodes", results.path / "trajectories", Path(figures.__file__))
     if not (picture.is_file() and all(picture.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
-        figures.save_trajectories(results, _drawn(results), picture)
+        sample = _drawn(results)
+        figures.save_trajectories(results, sample.runs, picture, sample.says)
     return table
 
 
-def _drawn(results: Results) -> list[str]:
-    """Return the runs that a picture shows: all that have episodes, or where these are many, as many as can be read."""
-    finished = results.finished()
-    runs = [
-        run_id for run_id in dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"]) if run_id in finished
-    ]
-    return runs[:: -(-len(runs) // PANELS_MAX)]
+class _Sample(NamedTuple):
+    """The runs that a picture shows, and where these are not all, a sentence on which they are."""
+
+    runs: list[str]
+    says: str
+
+
+def _drawn(results: Results) -> _Sample:
+    """Return the runs that a picture shows: all that have episodes, or of many those with failures before others."""
+    episodes, finished = results.episodes(), results.finished()
+    planned = dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"])
+    runs = [run_id for run_id in planned if run_id in finished]
+    if len(runs) <= PANELS_MAX:
+        return _Sample(runs, "")
+    with_failures = {*episodes.loc[~episodes["outcome"].isin(["reached", "no_layout"]), "run_id"]}
+    failed = [run_id for run_id in runs if run_id in with_failures]
+    others = [run_id for run_id in runs if run_id not in with_failures]
+    first = _evenly(failed, PANELS_MAX)
+    rest = _evenly(others, PANELS_MAX - len(first))
+    of = [f"{len(first)} of {len(failed)} with failures", f"{len(rest)} of {len(others)} without"]
+    return _Sample([*first, *rest], f"{PANELS_MAX} of {len(runs)} cells, taken evenly: {' and '.join(of)}")
+
+
+def _evenly(runs: Sequence[str], most: int) -> list[str]:
+    """Return so many of some runs at most, at even distances."""
+    count = min(most, len(runs))
+    return [runs[i * len(runs) // count] for i in range(count)]
 
 
 def _table_of(results: Results) -> "pd.DataFrame":

@@ -64,8 +64,9 @@ def _standing(world: DrawnWorld, kind: str, index: int, t_s: float) -> Thing:
             return Disc(x_m, y_m, mover.radius_m)
         return Polygon(corners=tuple(Point(x_m + p.x_m, y_m + p.y_m) for p in mover.outline))
     if kind == "cell" and world.grid is not None:
-        x_m, y_m, half_length, half_width, *_ = world.grid.rectangles()[index].tolist()
-        return Box(x_m, y_m, 2.0 * half_length, 2.0 * half_width)
+        row, column = divmod(index, world.grid.width)
+        side = world.grid.resolution_m
+        return Box(world.grid.x_min_m + (column + 0.5) * side, world.grid.y_min_m + (row + 0.5) * side, side, side)
     things: dict[str, Sequence[Thing]] = {
         "box": world.boxes,
         "wall": world.solids()[len(world.boxes) :],

@@ -161,4 +161,4 @@ def draw_table(ax: "Axes", rows: Sequence[Sequence[str]]) -> None:
     for i, row in enumerate(rows):
         y = 1.0 - (i + 0.5) / len(rows)
         for x, word in zip((0.0, 0.33, 0.62), row, strict=False):
-            ax.text(x, y, word, transform=ax.transAxes, fontsize=8, va="center")
+            ax.text(x, y, word, transform=ax.transAxes, fontsize=8, va="center", parse_math=False)

@@ -63,13 +63,15 @@ def draw_obstacles(ax: "Axes", world: DrawnWorld) -> None:
 
 
 def _draw_grid(ax: "Axes", grid: Grid) -> None:
-    """Draw the occupied cells, as one image however many there are."""
-    from matplotlib.colors import ListedColormap
+    """Draw the occupied cells, as one outline however many there are."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
 
-    x, y, side = grid.x_min_m, grid.y_min_m, grid.resolution_m
-    occupied = np.ma.masked_equal(grid.occupied(), False)
-    place = (x, x + side * grid.width, y, y + side * grid.height)
-    ax.imshow(occupied, ListedColormap([WALL]), extent=place, origin="lower", interpolation="none", zorder=2)
+    x, y, half_length, half_width, *_ = grid.rectangles().T
+    corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]
+    points = np.stack([(x + i * half_length, y + j * half_width) for i, j in corners], axis=1)
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(x)
+    ax.add_patch(PathPatch(Path(points.T.reshape(-1, 2), codes), color=WALL, linewidth=0.3, zorder=2))
 
 
 def draw_goal(ax: "Axes", goal: Point, tolerance_m: float, color: str = "black") -> None:

@@ -115,7 +115,7 @@ def draw_episode(
     for strip in strips[:-1]:
         strip.tick_params(labelbottom=False)
     strips[-1].set_xlabel("t [s]")
-    figure.suptitle(_title(cell, drives, shown, note), fontsize=10, x=0.01, ha="left")
+    figure.suptitle(_title(cell, drives, shown, note), fontsize=10, x=0.01, ha="left", parse_math=False)
     _draw_map(ax, world, body.radius_m, drives, shown)
     return figure
 
@@ -138,11 +138,11 @@ def _title(cell: Mapping[str, Any], drives: Sequence[Drive], shown: Sequence[Dri
         only = shown[0]
         who = f"robot {only.row['robot_index']} ({only.name}) of {len(drives)} " if len(drives) > 1 else ""
         contacts = int(only.row["collisions"])
-        held = f", {contacts} contacts" if contacts and only.row["outcome"] != "collided" else ""
+        held = f", {contacts} contact{'s' * (contacts > 1)}" if contacts and only.row["outcome"] != "collided" else ""
         told = f"{who}{only.end}{held}"
     else:
         failed = [drive for drive in shown if drive.row["outcome"] != "reached"]
-        named = [f"{drive.name} {drive.end}" for drive in failed[:NAMED_MAX]]
+        named = [textwrap.shorten(f"{drive.name} {drive.end}", TITLE_LETTERS) for drive in failed[:NAMED_MAX]]
         more = [f"and {len(failed) - NAMED_MAX} more"] if len(failed) > NAMED_MAX else []
         told = "; ".join([f"{len(shown) - len(failed)} of {len(shown)} robots reached", *named, *more])
     return "\n".join(line for one in (first, told, note) for line in textwrap.wrap(one, TITLE_LETTERS))
@@ -220,7 +220,7 @@ def _draw_goal(ax: "Axes", world: DrawnWorld, drive: Drive) -> None:
 def _draw_behaviors(ax: "Axes", shown: Sequence[Drive]) -> dict[str, str]:
     """Draw a band along each path in the colour of the active behaviour, and return the behaviours' colours."""
     found: dict[str, str] = {}
-    for drive in shown:
+    for drive in (drive for drive in shown if len(drive.path)):
         active = active_of(drive.path)
         for name in active:
             found.setdefault(name, BANDS[len(found) % len(BANDS)])
@@ -314,7 +314,7 @@ def _draw_velocities(v: "Axes", w: "Axes", shown: Sequence[Drive], told: Drive) 
     for ax, label in ((v, "v [m/s]"), (w, "w [rad/s]")):
         ax.set_ylabel(label, fontsize=8)
         _finish_strip(ax, told)
-    if 1 < len(shown) <= NUMBERED_MAX:
+    if 1 < len(shown) <= NUMBERED_MAX and v.lines:
         v.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize=8)
 
 

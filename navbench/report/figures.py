@@ -50,6 +50,7 @@ METADATA: dict[str, dict[str, str | None]] = {  # what would differ from one tim
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
 }
+TITLE_INCHES = 0.3  # above all panels
 STACK_INCHES = 10.0  # how wide a picture of blocks is
 DPI = 110  # of a PNG; an SVG has its own
 
@@ -167,17 +168,18 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
         save_whole(figure, out / "figures" / f"{stem}.{form}")
 
 
-def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
+def save_trajectories(results: Results, runs: Sequence[str], file: Path, title: str = "") -> None:
     """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
 
     Args:
         results: the directory.
         runs: the run_ids.
         file: where to save; its ending chooses the format.
+        title: what stands above all panels.
     """
     stored, episodes = StoredResults(results), results.episodes()
     panels = [panel_of(stored, run, episodes[episodes["run_id"] == run]) for run in runs]
-    save_whole(draw_cells(panels), file)
+    save_whole(draw_cells(panels, title), file)
 
 
 def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Panel":
@@ -190,7 +192,7 @@ def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Pane
     return stored.configuration(run), stored.world_in_common(run), episodes, paths
 
 
-def draw_cells(panels: "Sequence[Panel]") -> "Figure":
+def draw_cells(panels: "Sequence[Panel]", title: str = "") -> "Figure":
     """Return a figure with a panel per cell, in margins of one size: nothing need be measured to lay it out."""
     from matplotlib.figure import Figure
 
@@ -199,7 +201,9 @@ def draw_cells(panels: "Sequence[Panel]") -> "Figure":
     width, height = 5.2 * columns, 5.6 * rows  # inches
     figure = Figure(figsize=(width, height))
     axes = figure.subplots(rows, columns, squeeze=False)
-    figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - 0.7 / height, 0.9 / 4.3, 1.5 / 4.1)
+    top = 0.7 + TITLE_INCHES * bool(title)
+    figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - top / height, 0.9 / 4.3, 1.5 / 4.1)
+    figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12)
     for ax, panel in zip(axes.ravel(), panels, strict=False):
         draw_cell(ax, *panel)
     for ax in axes.ravel()[len(panels) :]:

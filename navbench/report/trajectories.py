@@ -216,6 +216,8 @@ def stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: M
         called: what the legend calls it.
         look: the line's colour and width.
     """
+    if len(t_s) < 2:  # it ended before its first period was over
+        return
     x, y = np.repeat(t_s, 2)[1:-1], np.repeat(values[:-1], 2)
     faint = chatter(t_s, values)
     if faint.any():
