@@ -101,6 +101,8 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
     called = f"{cell['label']} in {cell['world']}"
     if rows.empty:
         raise DescriptionError(f"{path}: no episode of {called} is there yet")
+    if not stored.results.keeps_trajectories(cell["run_id"]):
+        raise DescriptionError(f"{path}: no trajectories are kept of {called}")
     episode, note = _episode_of(rows, _number("episode", given))
     robots = int(rows["robot_index"].max()) + 1
     robot = _number("robot", given)

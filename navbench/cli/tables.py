@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from navbench.experiments.store import Results, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from navbench.report.sampling import Sample
 
 PANELS_MAX = 30  # a picture of more cells cannot be read
 NAMES = ("controller", "world", "robot", "sensors", "simulator")
@@ -49,33 +51,13 @@ def write_tables(results: Results) -> "pd.DataFrame":
     return table
 
 
-class _Sample(NamedTuple):
-    """The runs that a picture shows, and where these are not all, a sentence on which they are."""
+def _drawn(results: Results) -> "Sample":
+    """Return which of the runs that have episodes a picture shows."""
+    from navbench.report.sampling import sample_of
 
-    runs: list[str]
-    says: str
-
-
-def _drawn(results: Results) -> _Sample:
-    """Return the runs that a picture shows: all that have episodes, or of many those with failures before others."""
-    episodes, finished = results.episodes(), results.finished()
+    finished = results.finished()
     planned = dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"])
-    runs = [run_id for run_id in planned if run_id in finished]
-    if len(runs) <= PANELS_MAX:
-        return _Sample(runs, "")
-    with_failures = {*episodes.loc[~episodes["outcome"].isin(["reached", "no_layout"]), "run_id"]}
-    failed = [run_id for run_id in runs if run_id in with_failures]
-    others = [run_id for run_id in runs if run_id not in with_failures]
-    first = _evenly(failed, PANELS_MAX)
-    rest = _evenly(others, PANELS_MAX - len(first))
-    of = [f"{len(first)} of {len(failed)} with failures", f"{len(rest)} of {len(others)} without"]
-    return _Sample([*first, *rest], f"{PANELS_MAX} of {len(runs)} cells, taken evenly: {' and '.join(of)}")
-
-
-def _evenly(runs: Sequence[str], most: int) -> list[str]:
-    """Return so many of some runs at most, at even distances."""
-    count = min(most, len(runs))
-    return [runs[i * len(runs) // count] for i in range(count)]
+    return sample_of([run_id for run_id in planned if run_id in finished], results.episodes(), PANELS_MAX)
 
 
 def _table_of(results: Results) -> "pd.DataFrame":

@@ -260,6 +260,10 @@ class Results:
         """
         return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id, columns)
 
+    def keeps_trajectories(self, run_id: str) -> bool:
+        """Return whether trajectories of a run are there."""
+        return any((self.path / "trajectories").glob(f"part-{run_id}*.parquet"))
+
     def layouts(self) -> dict[str, str]:
         """Return the layouts that were driven: each one's JSON by its id."""
         tables = [_table_of(part) for part in sorted((self.path / "layouts").glob("part-*.parquet"))]

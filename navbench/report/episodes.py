@@ -2,14 +2,12 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import StoredResults
-from navbench.experiments.rows import STATES
 from navbench.report.contacts import Touch, touch_of
 from navbench.report.drawing import (
     MOVER,
@@ -23,57 +21,29 @@ from navbench.report.drawing import (
     patch_of,
     thinned,
 )
+from navbench.report.drives import BANDS, FEW, Drive, active_of
 from navbench.report.figures import COLOURS, PALETTE, robot_color
 from navbench.report.paths import Word, draw_pieces, draw_stroke, together, write_beside
-from navbench.report.trajectories import stairs, widen_flat
-from navbench.report.wheels import spans_of
+from navbench.report.strips import STRIP_INCHES, draw_trace, draw_velocities, strip_height, trace_groups
 from navbench.robot import Robot
 from navbench.validation import describe
 from navbench.world.layout import DrawnWorld
 from navbench.world.shapes import mover_tables, place_movers
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
-ACTIVE = "active_"  # what the columns of a trace begin with that say, 0 or 1, which behaviour is active
-BANDS = ("#f6b48f", "#8fc6e8", "#9fd8a5", "#c9b3dd", "#f2dd7a", "#c9c9c9")  # of behaviours, along and below a path
-UNITS = {"_m": "m", "_rad": "degrees", "_mps": "m/s", "_radps": "degrees/s", "_s": "s", "_mps2": "m/s²"}
 MAP_INCHES, MAP_HEIGHT_INCHES, LEGEND_INCHES = 6.2, (2.4, 7.0), 2.3
-STRIP_INCHES, FLAG_INCHES = 0.95, 0.17
-FLAGS, UNIT_RANGE = "0 or 1", "-1 to 1"  # what columns without a unit have in common
 STEPS_S = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 MARKS_MAX, MARK_INCHES = 24, 0.3  # of a path, and how far apart they stand at least in the mean
-NUMBERED_MAX = 4  # robots: the marks of more have no numbers
 NAMED_MAX = 3  # failures, in a title
 NEAR_INCHES = 0.12  # numbers of marks nearer than this stand together
 TITLE_LETTERS = 105  # a line
 TAKEN_MAX = 2000  # points of paths that words do not cover
 DOT = 1.0 / 1500.0  # of the picture's width: what a drawn path may stray
-
-
-@dataclass(frozen=True)
-class Drive:
-    """What one robot did: its row of the table of episodes, its trajectory, and how it is drawn."""
-
-    row: Mapping[Any, Any]
-    path: "pd.DataFrame"
-    color: str
-
-    @property
-    def name(self) -> str:
-        """What pictures call it: R1, R2, ..."""
-        return f"R{self.row['robot_index'] + 1}"
-
-    @property
-    def end(self) -> str:
-        """How it ended, such as "collided after 3.20 s: hit box 1"."""
-        after = f" after {self.row['time_s']:.2f} s" if len(self.path) else ""
-        why = f": {self.row['reason']}" if self.row["reason"] else ""
-        return f"{str(self.row['outcome']).replace('_', ' ')}{after}{why}"
 
 
 def draw_episode(
@@ -100,16 +70,16 @@ def draw_episode(
     shown = drives if robot is None else [drives[robot]]
     told = _told_of(shown)
     groups = trace_groups(told.path)
-    heights = [_map_height(world), *([STRIP_INCHES] * 2), *(_strip_height(of) for of in groups.values())]
+    heights = [_map_height(world), *([STRIP_INCHES] * 2), *(strip_height(of) for of in groups.values())]
     figure = Figure(figsize=(MAP_INCHES + LEGEND_INCHES, sum(heights) + 1.0), layout="constrained")
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     ax = figure.add_subplot(grid[0])
     strips: list[Axes] = []
     for i in range(1, len(heights)):
         strips.append(figure.add_subplot(grid[i], sharex=strips[0] if strips else None))
-    _draw_velocities(strips[0], strips[1], shown, told)
+    draw_velocities(strips[0], strips[1], shown, told)
     for strip, (title, columns) in zip(strips[2:], groups.items(), strict=True):
-        _draw_trace(strip, told, title, columns)
+        draw_trace(strip, told, title, columns)
     if groups and len(shown) > 1:
         strips[2].set_title(f"trace of {told.name}", fontsize=8, loc="left")
     for strip in strips[:-1]:
@@ -137,8 +107,12 @@ def _title(cell: Mapping[str, Any], drives: Sequence[Drive], shown: Sequence[Dri
     if len(shown) == 1:
         only = shown[0]
         who = f"robot {only.row['robot_index']} ({only.name}) of {len(drives)} " if len(drives) > 1 else ""
-        contacts = int(only.row["collisions"])
-        held = f", {contacts} contact{'s' * (contacts > 1)}" if contacts and only.row["outcome"] != "collided" else ""
+        contacts = only.row.get("collisions", 0)
+        held = (
+            f", {contacts:.0f} contact{'s' * (contacts > 1)}"
+            if contacts > 0 and only.row["outcome"] != "collided"
+            else ""
+        )
         told = f"{who}{only.end}{held}"
     else:
         failed = [drive for drive in shown if drive.row["outcome"] != "reached"]
@@ -155,10 +129,9 @@ def _draw_map(ax: "Axes", world: DrawnWorld, radius_m: float, drives: Sequence[D
     draw_obstacles(ax, world)
     width_m = float(np.ptp(ax.get_xlim()))
     end_s = max((float(drive.path["t_s"].iloc[-1]) for drive in shown if len(drive.path)), default=0.0)
-    lengths_m = [float(drive.row["path_length_m"]) for drive in shown]
-    step_s = mark_step_s(end_s, float(np.nanmedian(lengths_m)) * MAP_INCHES / width_m)
+    step_s = mark_step_s(end_s, float(np.median([drive.length_m for drive in shown])) * MAP_INCHES / width_m)
     marks_s = [float(step_s * i) for i in range(1, int(end_s / step_s) + 1)]
-    _draw_movers(ax, world, marks_s, end_s, len(shown) <= NUMBERED_MAX)
+    _draw_movers(ax, world, marks_s, end_s, len(shown) <= FEW)
     words: list[Word] = []
     for drive in drives:
         if not any(drive is one for one in shown):
@@ -228,12 +201,6 @@ def _draw_behaviors(ax: "Axes", shown: Sequence[Drive]) -> dict[str, str]:
     return found
 
 
-def active_of(path: "pd.DataFrame") -> dict[str, NDArray[np.bool_]]:
-    """Return what the trace's columns ``active_*`` tell: each behaviour's name, and (n,) where it is active."""
-    named = [name for name in path.columns if name.startswith(ACTIVE)]
-    return {name.removeprefix(ACTIVE).replace("_", " "): (path[name] == 1.0).to_numpy() for name in named}
-
-
 def _draw_drive(
     ax: "Axes", drive: Drive, world: DrawnWorld, radius_m: float, marks_s: Sequence[float], width_m: float, robots: int
 ) -> list[Word]:
@@ -251,7 +218,7 @@ def _draw_drive(
     numbered: list[tuple[int, float, float]] = []
     for t_s in (t_s for t_s in marks_s if t_s < end_s):
         x_m, y_m, heading_rad = poses[int(np.searchsorted(path["t_s"], t_s - 1e-9))]
-        if robots <= NUMBERED_MAX:
+        if robots <= FEW:
             draw_stroke(ax, x_m, y_m, heading_rad, drive.color)
             numbered.append((int(t_s), x_m, y_m))
         else:
@@ -273,7 +240,7 @@ def _draw_touches(ax: "Axes", touches: Sequence[Touch]) -> list[Word]:
         ax.add_patch(patch_of(touch.thing, fill=False, edgecolor=color, linewidth=1.6, zorder=8))
         ax.plot(*touch.place, "*", color=color, markeredgecolor="white", markersize=11, zorder=20)
         words.setdefault(touch.name, Word(touch.place, touch.name, color))
-    return list(words.values()) if len(touches) <= NUMBERED_MAX else []
+    return list(words.values()) if len(touches) <= FEW else []
 
 
 def _explain(ax: "Axes", shown: Sequence[Drive], step_s: int, behaviors: Mapping[str, str], movers: bool) -> None:
@@ -301,75 +268,3 @@ def _explain(ax: "Axes", shown: Sequence[Drive], step_s: int, behaviors: Mapping
         look[outcome.replace("_", " ")] = {"color": COLOURS[outcome], "marker": mark, "linestyle": "none"}
     handles = [Line2D([], [], **{"label": label, **style}) for label, style in look.items()]
     ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
-
-
-def _draw_velocities(v: "Axes", w: "Axes", shown: Sequence[Drive], told: Drive) -> None:
-    """Draw all robots' speeds and turning rates, that of which the trace is told in front."""
-    for drive in shown:
-        front = drive is told
-        color = drive.color if front or len(shown) <= NUMBERED_MAX else "0.8"
-        look = {"color": color, "linewidth": 1.3 if front else 0.7, "zorder": 3 if front else 2}
-        for ax, name in ((v, "v_mps"), (w, "w_radps")):
-            stairs(ax, drive.path["t_s"].to_numpy(), drive.path[name].to_numpy(dtype=float), drive.name, look)
-    for ax, label in ((v, "v [m/s]"), (w, "w [rad/s]")):
-        ax.set_ylabel(label, fontsize=8)
-        _finish_strip(ax, told)
-    if 1 < len(shown) <= NUMBERED_MAX and v.lines:
-        v.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize=8)
-
-
-def trace_groups(path: "pd.DataFrame") -> dict[str, list[str]]:
-    """Return the columns of a trace that share an axis, by its title.
-
-    Those that are always 0 or 1 share one; so do those of one unit, and those without a unit that stay within -1 and 1;
-    each other one has its own. Those that tell which behaviour is active are left out.
-    """
-    own = [name for name in path.columns if name not in (*STATES, "run_id", "episode", "robot_index")]
-    own = [name for name in own if not name.startswith(ACTIVE)]
-    groups: dict[str, list[str]] = {}
-    for name in own:
-        values = path[name].dropna()
-        if values.empty:
-            continue
-        unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), None)
-        if unit is None and values.isin([0.0, 1.0]).all():
-            title = FLAGS
-        elif unit is None:
-            title = UNIT_RANGE if values.abs().max() <= 1.0 else name
-        else:
-            title = f"[{unit}]"
-        groups.setdefault(title, []).append(name)
-    return dict(sorted(groups.items(), key=lambda group: group[0] != FLAGS))
-
-
-def _strip_height(columns: Sequence[str]) -> float:
-    return STRIP_INCHES + 0.06 * max(0, len(columns) - 5)
-
-
-def _draw_trace(ax: "Axes", told: Drive, title: str, columns: Sequence[str]) -> None:
-    """Draw some columns of a trace: what is 0 or 1 as bars, all else held over its control periods."""
-    t_s = told.path["t_s"].to_numpy()
-    if title == FLAGS:
-        for row, name in enumerate(columns):
-            spans = [(begin, end - begin) for begin, end in spans_of(told.path, name, 0.0)]
-            ax.broken_barh(spans, (row - 0.35, 0.7), color=PALETTE[row % len(PALETTE)])
-        ax.set_yticks(range(len(columns)), [name.replace("_", " ") for name in columns], fontsize=7)
-        ax.set_ylim(len(columns) - 0.4, -0.6)
-    else:
-        for color, name in zip(PALETTE, columns, strict=False):
-            values = told.path[name].to_numpy(dtype=float)
-            shown = np.degrees(values) if name.endswith(("_rad", "_radps")) else values
-            stairs(ax, t_s, shown, name, {"color": color, "linewidth": 1.0})
-        ax.set_ylabel("" if title == columns[0] else title, fontsize=8)
-        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize=7)
-    _finish_strip(ax, told)
-
-
-def _finish_strip(ax: "Axes", told: Drive) -> None:
-    """Shade a strip where behaviours are active, and give it a grid."""
-    for color, name in zip(BANDS, [name for name in told.path.columns if name.startswith(ACTIVE)], strict=False):
-        for begin_s, end_s in spans_of(told.path, name, 0.0):
-            ax.axvspan(begin_s, end_s, color=color, alpha=0.35, linewidth=0.0, zorder=0)
-    widen_flat([ax])
-    ax.grid(alpha=0.3)
-    ax.tick_params(labelsize=8)

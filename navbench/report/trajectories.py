@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.experiments.store import ResultsError
-from navbench.report.document import Blocks, Paragraph
+from navbench.report.document import Block, Blocks, Paragraph
 from navbench.report.drawing import draw_circle, draw_robot, draw_world, thinned
 from navbench.report.figures import (
     PALETTE,
@@ -21,6 +21,7 @@ from navbench.report.figures import (
 )
 from navbench.report.page import Page, Select
 from navbench.report.paths import Word, cut, write_beside
+from navbench.report.sampling import sample_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 THINNED_RADII = 0.015  # what a drawn path may stray from the driven one
 WIDTH_INCHES, TITLE_INCHES = 2.5, 0.35  # of a frame
-PANELS = 12  # a figure of more cells cannot be read
+PANELS, FIGURES = 12, 5  # a figure of more cells cannot be read, and nobody reads more figures
 FRAMES = 10  # where no times are given, so many, evenly from the beginning to the end
 FLAT = 1e-6  # values that differ by less are drawn as one, not as their rounding errors
 PLACE = ("x_m", "y_m", "heading_rad")  # columns that change between the control periods, too
@@ -98,17 +99,19 @@ def trajectories(
 
 def _by_cell(page: Page, select: Select) -> Blocks:
     """Return the trajectories of all episodes, a panel per cell of which they are kept, some panels a figure."""
+    cells = {str(run_id): rows for run_id, rows in page.stored.select(**select).groupby("run_id", sort=False)}
+    sample = sample_of(list(cells), page.stored.rows, PANELS * FIGURES)
     panels = []
-    for run_id, rows in page.stored.select(**select).groupby("run_id", sort=False):
+    for run_id in sample.runs:
         try:
-            panels.append(panel_of(page.stored, str(run_id), rows))
+            panels.append(panel_of(page.stored, run_id, cells[run_id]))
         except ResultsError:  # a cell that keeps none
             continue
-    plots = []
+    plots: list[Block] = [Paragraph(f"{sample.says}.")] if sample.says else []
     for i in range(0, len(panels), PANELS):
         figure = draw_cells(panels[i : i + PANELS])
         plots.append(page.plot(figure, "Trajectories, a panel per cell.", more=f"_{i // PANELS + 1}"))
-    return plots or [Paragraph("No trajectories were kept.")]
+    return plots if panels else [Paragraph("No trajectories were kept.")]
 
 
 def _draw_path(
