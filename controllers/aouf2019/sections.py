@@ -12,7 +12,8 @@ from navbench.controllers.aouf2019.measures import phases_of
 from navbench.report.claims import printed_figures
 from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
-from navbench.report.figures import PALETTE, draw_world, label_legend, nested_width, new_figure
+from navbench.report.drawing import draw_world
+from navbench.report.figures import PALETTE, label_legend, nested_width, new_figure
 from navbench.report.page import Page, Select
 from navbench.report.paths import cut, draw_pieces, number_places
 

@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 
 from navbench.analysis.claims import entries
+from navbench.report.described import draw_surface
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import new_figure
 from navbench.report.page import Page
-
-LEVELS = 10  # steps of colour
 
 
 def surface_2d(page: Page, *, table: str, x: str, y: str, value: str) -> Blocks:
@@ -23,11 +22,8 @@ def surface_2d(page: Page, *, table: str, x: str, y: str, value: str) -> Blocks:
     across, up, values = described.columns.to_numpy(), described.index.to_numpy(), described.to_numpy()
     figure, axes = new_figure(1, 1, 6.0, 4.2)
     ax = axes[0, 0]
-    filled = ax.contourf(across, up, values, levels=LEVELS, cmap="viridis")
-    lines = ax.contour(across, up, values, levels=filled.levels, colors="white", linewidths=0.6)
-    ax.clabel(lines, fontsize=8)
+    draw_surface(ax, across, up, values, value)
     ax.set(xlabel=x, ylabel=y)
-    figure.colorbar(filled, ax=ax, label=value)
     return [page.plot(figure)]
 
 

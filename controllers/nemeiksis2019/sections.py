@@ -8,7 +8,8 @@ from navbench.analysis.traces import spells
 from navbench.analysis.verdicts import judged
 from navbench.report.claims import measured_figure, printed_figure
 from navbench.report.document import Blocks, Column, Data
-from navbench.report.figures import draw_circle, draw_world, new_figure
+from navbench.report.drawing import draw_circle, draw_world
+from navbench.report.figures import new_figure
 from navbench.report.page import Page, Select
 from navbench.report.paths import cut, draw_pieces, number_places
 

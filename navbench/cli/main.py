@@ -22,6 +22,8 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, and run nothing
   navbench report join=results                      join the reports in that directory into its README.md
   navbench verify DIR...                            say whether results are whole, complete and of the installed code
+  navbench show DIR [episode=K]                     draw one episode: by default the first in which a robot failed
+  navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each
 
@@ -42,12 +44,12 @@ options
   -m, --multirun                                    sweep over comma-separated values
   --config-dir DIR                                  add your own controllers, worlds and robots
   --cfg job                                         print the composed configuration and run nothing
-  --version, -h, --help                             also after tune, study, multiverse, report and verify
+  --version, -h, --help                             also after tune, study, multiverse, report, verify and show
 
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
-VERBS = ("list", "tune", "study", "multiverse", "report", "verify")
+VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show")
 
 
 def main() -> None:

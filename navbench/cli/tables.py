@@ -10,6 +10,8 @@ from navbench.reading import flat
 if TYPE_CHECKING:
     import pandas as pd
 
+    from navbench.report.sampling import Sample
+
 PANELS_MAX = 30  # a picture of more cells cannot be read
 NAMES = ("controller", "world", "robot", "sensors", "simulator")
 
@@ -23,9 +25,9 @@ def print_tables(results: Results) -> None:
     print(to_text(table))
     for line in (*failures(results.episodes()), *StoredResults(results).missing):
         print(flat(line))
-    shown = len(_drawn(results))
-    if shown < len(table):
-        print(f"trajectories.png: {shown} of {len(table)} cells, taken evenly from the table")
+    sampled = _drawn(results).says
+    if sampled:
+        print(f"trajectories.png: {sampled}")
     print(f"results: {results.path}")
 
 
@@ -43,17 +45,18 @@ def write_tables(results: Results) -> "pd.DataFrame":
     picture = results.path / "trajectories.png"
     drawn_of = (results.path / "episodes", results.path / "trajectories", Path(figures.__file__))
     if not (picture.is_file() and all(picture.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
-        figures.save_trajectories(results, _drawn(results), picture)
+        sample = _drawn(results)
+        figures.save_trajectories(results, sample.runs, picture, sample.says)
     return table
 
 
-def _drawn(results: Results) -> list[str]:
-    """Return the runs that a picture shows: all that have episodes, or where these are many, as many as can be read."""
+def _drawn(results: Results) -> "Sample":
+    """Return which of the runs that have episodes a picture shows."""
+    from navbench.report.sampling import sample_of
+
     finished = results.finished()
-    runs = [
-        run_id for run_id in dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"]) if run_id in finished
-    ]
-    return runs[:: -(-len(runs) // PANELS_MAX)]
+    planned = dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"])
+    return sample_of([run_id for run_id in planned if run_id in finished], results.episodes(), PANELS_MAX)
 
 
 def _table_of(results: Results) -> "pd.DataFrame":

@@ -10,7 +10,7 @@ from navbench.validation import DescriptionError
 
 RESUME = "resume=other-code"
 FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c"}  # the short form; beside -h, --help
-SWITCHES = ("--multirun", "--trust", "--overwrite")  # which take no word
+SWITCHES = ("--multirun", "--trust", "--overwrite", "--open")  # which take no word
 
 
 class Words(NamedTuple):
@@ -25,6 +25,7 @@ class Words(NamedTuple):
         other_code: whether ``resume=other-code`` was given.
         trust: whether ``--trust`` was given.
         overwrite: whether ``--overwrite`` was given.
+        open: whether ``--open`` was given.
     """
 
     names: list[str]
@@ -35,6 +36,7 @@ class Words(NamedTuple):
     other_code: bool
     trust: bool
     overwrite: bool
+    open: bool
 
     @property
     def kept(self) -> dict[str, bool]:
@@ -82,6 +84,7 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
         other_code=RESUME in overrides,
         trust=getattr(given, "trust", False),
         overwrite=getattr(given, "overwrite", False),
+        open=getattr(given, "open", False),
     )
 
 

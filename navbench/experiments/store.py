@@ -298,6 +298,10 @@ class Results:
         """
         return self._read("trajectories", ["run_id", "episode", "robot_index", "t_s"], run_id, columns)
 
+    def keeps_trajectories(self, run_id: str) -> bool:
+        """Return whether trajectories of a run are there."""
+        return any((self.path / "trajectories").glob(f"part-{run_id}*.parquet"))
+
     def layouts(self) -> dict[str, str]:
         """Return the layouts that were driven: each one's JSON by its id."""
         tables = [parts.read(self.path, f"layouts/{name}") for name in self.parts("layouts")]

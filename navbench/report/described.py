@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import PALETTE, new_figure
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+FloatArray = NDArray[np.float64]
+
+LEVELS, EXACT = 10, 9  # steps of colour, decimals
 ROUNDED = 1e-4  # of an axis: its ends are printed numbers
 NAMED_APART, EDGE = 0.04, 0.015  # of an axis: between the names of two sets, and from its end
 
@@ -41,21 +45,48 @@ def memberships(page: Page, *, table: str, axes: Mapping[str, Mapping[str, Any]]
     described = page.stored.described(table)
     figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
     for ax, (variable, axis) in zip(panels.ravel(), axes.items(), strict=True):
-        sets = described[described["variable"] == variable]
-        tops: list[tuple[float, str, str]] = []
-        near = ROUNDED * (axis["high"] - axis["low"])
-        for i, (term, corners) in enumerate(sets.groupby("term", sort=False)):
-            color = PALETTE[i % len(PALETTE)]
-            for x, degree in _shapes(corners, axis):
-                ax.plot(x, degree, color=color, linewidth=1.4)
-                top = x[degree > degree.max() - 1e-9]
-                if top.max() >= axis["low"] - near and top.min() <= axis["high"] + near:
-                    low, high = top.clip(axis["low"], axis["high"])[[0, -1]]
-                    tops.append((0.5 * (low + high), str(term), color))
-        _name_sets(ax, tops, axis["low"], axis["high"])
-        ax.set(xlim=(axis["low"], axis["high"]), ylim=(0.0, 1.3), xlabel=axis["title"], ylabel="degree")
-        ax.set_yticks([0.0, 0.5, 1.0])
+        draw_sets(ax, described[described["variable"] == variable], axis)
     return [page.plot(figure)]
+
+
+def draw_sets(ax: "Axes", sets: "pd.DataFrame", axis: Mapping[str, Any]) -> None:
+    """Draw the fuzzy sets of one variable.
+
+    Args:
+        ax: where to draw.
+        sets: term, x, degree at the sets' corners, of one term after the other.
+        axis: as of ``memberships``.
+    """
+    tops: list[tuple[float, str, str]] = []
+    near = ROUNDED * (axis["high"] - axis["low"])
+    for i, (term, corners) in enumerate(sets.groupby("term", sort=False)):
+        color = PALETTE[i % len(PALETTE)]
+        for x, degree in _shapes(corners, axis):
+            ax.plot(x, degree, color=color, linewidth=1.4)
+            top = x[degree > degree.max() - 1e-9]
+            if top.max() >= axis["low"] - near and top.min() <= axis["high"] + near:
+                low, high = top.clip(axis["low"], axis["high"])[[0, -1]]
+                tops.append((0.5 * (low + high), str(term), color))
+    _name_sets(ax, tops, axis["low"], axis["high"])
+    ax.set(xlim=(axis["low"], axis["high"]), ylim=(0.0, 1.3), xlabel=axis["title"], ylabel="degree")
+    ax.set_yticks([0.0, 0.5, 1.0])
+
+
+def draw_surface(ax: "Axes", across: FloatArray, up: FloatArray, values: FloatArray, label: str) -> None:
+    """Draw a value over two others, as colours with lines of equal value.
+
+    Args:
+        ax: where to draw.
+        across: (n,) to the right.
+        up: (m,) upwards.
+        values: (m, n).
+        label: what the value is called.
+    """
+    values = np.round(values, EXACT)  # a plateau's rounding errors would be drawn as lines
+    filled = ax.contourf(across, up, values, levels=LEVELS, cmap="viridis")
+    lines = ax.contour(across, up, values, levels=filled.levels, colors="white", linewidths=0.6)
+    ax.clabel(lines, fontsize=8)
+    ax.figure.colorbar(filled, ax=ax, label=label)
 
 
 def _shapes(corners: "pd.DataFrame", axis: Mapping[str, Any]) -> list[tuple[Any, Any]]:

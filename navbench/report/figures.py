@@ -1,7 +1,7 @@
 """Figures of stored results: trajectories over their world; and how a figure is saved."""
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults, driven, reached
 from navbench.experiments.files import inside, replacing
 from navbench.experiments.store import Results
+from navbench.report.drawing import draw_circle, draw_world, sparse
 from navbench.robot import Robot
 from navbench.validation import describe
 from navbench.world.layout import DrawnWorld
-from navbench.world.shapes import Mover
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Panel: TypeAlias = "tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame, pd.DataFrame]"
 
-OBSTACLE, MOVER, WALL = "#8d99ae", "#9b7fc9", "#5c677d"
-MOVER_EDGE = "#5e3f96"
 COLOURS = {
     "reached": "#1b7f5a",
     "collided": "#c1121f",
@@ -48,6 +46,12 @@ PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neig
     "#999933",
 )
 MARKERS = "osD^vP*<p"
+METADATA: dict[str, dict[str, str | None]] = {  # what would differ from one time to the next
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+}
+TITLE_INCHES = 0.3  # above all panels
+STACK_INCHES = 10.0  # how wide a picture of blocks is
 DPI = 110  # of a PNG; an SVG has its own
 
 
@@ -87,38 +91,47 @@ def robot_color(index: int) -> str:
     return PALETTE[index % len(PALETTE)]
 
 
-def thinned(points: FloatArray, tolerance_m: float) -> FloatArray:
-    """Return a polyline with fewer points that strays from it by no more than a tolerance, after Douglas and Peucker.
-
-    Args:
-        points: (n, 2) x, y [m], n >= 1.
-        tolerance_m: the largest distance of a dropped point from its chord [m].
-    """
-    kept = np.zeros(len(points), dtype=bool)
-    kept[[0, -1]] = True
-    spans = [(0, len(points) - 1)]
-    while spans:
-        begin, end = spans.pop()
-        chord, inner = points[end] - points[begin], points[begin + 1 : end] - points[begin]
-        if not len(inner):
-            continue
-        length2 = float(chord @ chord)
-        along = np.clip(inner @ chord / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(inner))
-        away = np.hypot(*(inner - along[:, None] * chord).T)
-        farthest = int(np.argmax(away))
-        if away[farthest] > tolerance_m:
-            middle = begin + 1 + farthest
-            kept[middle] = True
-            spans += [(begin, middle), (middle, end)]
-    return points[kept]
-
-
 def new_figure(rows: int, columns: int, width: float, height: float, **shared: Any) -> "tuple[Figure, Any]":
     """Return a figure and its (rows, columns) axes, each so wide and high [inches]."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width * columns, height * rows + 0.5), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+
+
+class Block(NamedTuple):
+    """Some panels of a picture, side by side and below each other, under a title.
+
+    Attributes:
+        title: above them.
+        panels: what draws each of them.
+        columns: how many stand side by side.
+        height: of each [inches].
+    """
+
+    title: str
+    panels: "Sequence[Callable[[Axes], None]]"
+    columns: int
+    height: float
+
+
+def stacked(title: str, blocks: Sequence[Block]) -> "Figure":
+    """Return a picture of blocks below each other."""
+    from matplotlib.figure import Figure
+
+    rows = [-(-len(block.panels) // block.columns) for block in blocks]
+    heights = [block.height * count + 0.3 for block, count in zip(blocks, rows, strict=True)]
+    figure = Figure(figsize=(STACK_INCHES, sum(heights) + 0.4), layout="constrained")
+    figure.suptitle(title, fontsize=11)
+    parts = figure.subfigures(len(blocks), 1, height_ratios=heights, squeeze=False).ravel()
+    for part, block, count in zip(parts, blocks, rows, strict=True):
+        part.suptitle(block.title, fontsize=10)
+        axes = part.subplots(count, block.columns, squeeze=False).ravel()
+        for ax, draw in zip(axes, block.panels, strict=False):
+            draw(ax)
+        for ax in axes[len(block.panels) :]:
+            ax.set_axis_off()
+    return figure
 
 
 def label_legend(
@@ -151,24 +164,22 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
         out: the report's directory.
         stem: the files' name without its ending.
     """
-    import matplotlib
-
-    with matplotlib.rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
-        for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-            _save_whole(figure, inside(out, f"figures/{stem}.{form}"), metadata)
+    for form in ("png", "svg"):
+        save_whole(figure, inside(out, f"figures/{stem}.{form}"))
 
 
-def save_trajectories(results: Results, runs: Sequence[str], file: Path) -> None:
+def save_trajectories(results: Results, runs: Sequence[str], file: Path, title: str = "") -> None:
     """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
 
     Args:
         results: the directory.
         runs: the run_ids.
         file: where to save; its ending chooses the format.
+        title: what stands above all panels.
     """
     stored, episodes = StoredResults(results), results.episodes()
     panels = [panel_of(stored, run, episodes[episodes["run_id"] == run]) for run in runs]
-    _save_whole(draw_cells(panels), file, {"Software": None} if file.suffix == ".png" else None)
+    save_whole(draw_cells(panels, title), file)
 
 
 def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Panel":
@@ -181,7 +192,7 @@ def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Pane
     return stored.configuration(run), stored.world_in_common(run), episodes, paths
 
 
-def draw_cells(panels: "Sequence[Panel]") -> "Figure":
+def draw_cells(panels: "Sequence[Panel]", title: str = "") -> "Figure":
     """Return a figure with a panel per cell, in margins of one size: nothing need be measured to lay it out."""
     from matplotlib.figure import Figure
 
@@ -190,7 +201,9 @@ def draw_cells(panels: "Sequence[Panel]") -> "Figure":
     width, height = 5.2 * columns, 5.6 * rows  # inches
     figure = Figure(figsize=(width, height))
     axes = figure.subplots(rows, columns, squeeze=False)
-    figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - 0.7 / height, 0.9 / 4.3, 1.5 / 4.1)
+    top = 0.7 + TITLE_INCHES * bool(title)
+    figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - top / height, 0.9 / 4.3, 1.5 / 4.1)
+    figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12)
     for ax, panel in zip(axes.ravel(), panels, strict=False):
         draw_cell(ax, *panel)
     for ax in axes.ravel()[len(panels) :]:
@@ -220,7 +233,7 @@ def draw_cell(
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
     sample = _draw_paths(ax, trajectories, outcomes, robot.radius_m)
     for start in () if world is None else world.starts:
-        ax.add_patch(_circle(start.x_m, start.y_m, robot.radius_m, fill=False, color="black"))
+        draw_circle(ax, start.x_m, start.y_m, robot.radius_m)
     seen = [name for name in COLOURS if name in set(outcomes.values())]
     handles = [
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
@@ -238,7 +251,7 @@ def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any,
     paths = np.split(trajectories[["x_m", "y_m"]].to_numpy(), begins[1:])
     shown = range(0, len(begins), -(-len(begins) // LINES_MAX) or 1)  # of a world without a layout there are none
     colours = [COLOURS[outcomes[tuple(keys[begins[i]])]] for i in shown]
-    lines = [_sparse(paths[i], float(np.ptp(ax.get_xlim())) / COLUMNS_MAX) for i in shown]
+    lines = [sparse(paths[i], float(np.ptp(ax.get_xlim())) / COLUMNS_MAX) for i in shown]
     opacity = max(0.15, 6.0 / max(6, len(shown)))
     ax.add_collection(LineCollection(lines, colors=colours, linewidths=1.4, alpha=opacity, zorder=4), autolim=False)
     ends = np.reshape([line[-1] for line in lines], (-1, 2))
@@ -246,73 +259,6 @@ def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any,
     size = 2.0 * radius_m
     ax.add_collection(EllipseCollection(size, size, 0.0, facecolors="none", edgecolors=colours, **place), autolim=False)
     return f"\n{len(shown)} of {len(begins)} paths, taken evenly" if len(shown) < len(begins) else ""
-
-
-def draw_world(ax: "Axes", world: DrawnWorld, t_s: float | None = None) -> None:
-    """Draw a world: bounds, boxes, walls, discs, polygons, movers, goals and the finish line.
-
-    Args:
-        ax: where to draw.
-        world: what to draw.
-        t_s: when [s]: the movers are drawn where they are then; without it, where they begin, and with their paths.
-    """
-    from matplotlib.patches import Polygon
-
-    for i, box in enumerate(world.solids()):
-        ax.add_patch(Polygon(_corners(box), color=OBSTACLE if i < len(world.boxes) else WALL, zorder=2))
-    for disc in world.discs:
-        ax.add_patch(_circle(disc.x_m, disc.y_m, disc.radius_m, color=OBSTACLE))
-    for polygon in world.polygons:
-        ax.add_patch(Polygon([(p.x_m, p.y_m) for p in polygon.corners], color=OBSTACLE, zorder=2))
-    for mover in world.movers:
-        points = [*mover.waypoints, mover.waypoints[0]] if mover.cyclic else mover.waypoints
-        if t_s is None:
-            ax.plot([p.x_m for p in points], [p.y_m for p in points], "--", color=MOVER, linewidth=0.8, zorder=1)
-        _draw_mover(ax, mover, *mover.place(t_s or 0.0))
-    for goal in world.goals:
-        ax.add_patch(_circle(goal.x_m, goal.y_m, world.goal_tolerance_m, color="#f4d35e", alpha=0.9))
-        ax.plot(goal.x_m, goal.y_m, "x", color="black", markersize=7, zorder=5)
-    if world.finish_line is not None:
-        line = world.finish_line
-        ax.plot([line.x1_m, line.x2_m], [line.y1_m, line.y2_m], ":", color="black", zorder=3)
-    b = world.bounds
-    margin = 0.04 * max(b.x_max_m - b.x_min_m, b.y_max_m - b.y_min_m)
-    ax.set(xlim=(b.x_min_m - margin, b.x_max_m + margin), ylim=(b.y_min_m - margin, b.y_max_m + margin))
-    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-
-
-def _draw_mover(ax: "Axes", mover: Mover, x_m: float, y_m: float) -> None:
-    from matplotlib.patches import Polygon
-
-    if mover.outline:
-        corners = [(x_m + p.x_m, y_m + p.y_m) for p in mover.outline]
-        ax.add_patch(Polygon(corners, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8, zorder=3))
-    else:
-        ax.add_patch(_circle(x_m, y_m, mover.radius_m, facecolor=MOVER, edgecolor=MOVER_EDGE, alpha=0.8))
-
-
-def draw_circle(ax: "Axes", x_m: float, y_m: float, radius_m: float, color: str = "black") -> None:
-    """Draw a robot's hull, such as where it begins."""
-    ax.add_patch(_circle(x_m, y_m, radius_m, fill=False, color=color, zorder=6))
-
-
-def _corners(box: Any) -> Any:
-    half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (box.length_m, box.width_m)
-    cosine, sine = np.cos(box.heading_rad), np.sin(box.heading_rad)
-    return half @ np.array([[cosine, sine], [-sine, cosine]]) + (box.x_m, box.y_m)
-
-
-def _sparse(points: FloatArray, width_m: float) -> FloatArray:
-    """Return a path (n, 2) without what lies in the same square, so wide [m], as the point before, but with its end."""
-    moved = np.flatnonzero(np.diff(np.floor(points / width_m), axis=0).any(axis=1))
-    kept: FloatArray = points[np.unique([0, *(moved + 1), len(points) - 1])]
-    return kept
-
-
-def _circle(x_m: float, y_m: float, radius_m: float, **style: Any) -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle((x_m, y_m), radius_m, **{"zorder": 3, **style})
 
 
 def _count(outcomes: dict[Any, str], name: str) -> int:
@@ -345,26 +291,27 @@ def save_convergence(results: Results, file: Path) -> None:
         ax.step(evaluations, rows["cost"].cummin(), where="post", label=f"{name}, seed {seed}: least so far")
     ax.set(xlabel="evaluations", ylabel="cost", yscale="log" if (results.evaluations()["cost"] > 0).all() else "linear")
     ax.legend(frameon=False)
-    _save_whole(figure, file, {"Software": None} if file.suffix == ".png" else None)
+    save_whole(figure, file)
 
 
-def _save_whole(figure: "Figure", file: Path, metadata: Mapping[str, str | None] | None) -> None:
-    """Save a figure whole or not at all: under a temporary name, then renamed.
+def save_whole(figure: "Figure", file: Path) -> None:
+    """Save a figure whole or not at all, the same bytes for the same figure; its ending chooses the format.
 
     With a layout engine, it is laid out and measured here: asked for a tight box, ``savefig`` would draw it twice.
     """
-    from matplotlib import rcParams
+    from matplotlib import rc_context, rcParams
     from matplotlib.backend_bases import get_registered_canvas_class
 
     content, form, box = io.BytesIO(), file.suffix[1:], None
     layout = figure.get_layout_engine()
     dpi = get_registered_canvas_class(form)(figure).fixed_dpi or DPI
-    figure.set_dpi(dpi)
-    if layout is not None:
-        layout.execute(figure)
-        box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
-    figure.set_layout_engine(None)
-    figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=metadata)
-    figure.set_layout_engine(layout)
+    with rc_context({"svg.hashsalt": "navbench", "svg.fonttype": "none"}):
+        figure.set_dpi(dpi)
+        if layout is not None:
+            layout.execute(figure)
+            box = figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
+        figure.set_layout_engine(None)
+        figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=METADATA.get(form))
+        figure.set_layout_engine(layout)
     with replacing(file) as temporary:
         temporary.write_bytes(content.getvalue())

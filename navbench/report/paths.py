@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,12 @@ def cut(ax: "Axes", trajectories: Sequence["pd.DataFrame"], radius_m: float, squ
 
 
 def draw_pieces(
-    ax: "Axes", path: "pd.DataFrame", pieces: Mapping[str, NDArray[np.bool_]], linewidth: float, zorder: float = 2.0
+    ax: "Axes",
+    path: "pd.DataFrame",
+    pieces: Mapping[str, NDArray[np.bool_]],
+    linewidth: float,
+    zorder: float = 2.0,
+    colors: Sequence[str] = PALETTE,
 ) -> None:
     """Draw a path whose pieces differ in colour.
 
@@ -59,8 +64,9 @@ def draw_pieces(
         pieces: what each kind of piece is called, and (n,) whether a row belongs to it.
         linewidth: of the path [points].
         zorder: above what it lies.
+        colors: of the pieces, in their order.
     """
-    for color, (called, holds) in zip(PALETTE, pieces.items(), strict=False):
+    for color, (called, holds) in zip(colors, pieces.items(), strict=False):
         shown = holds | np.append(False, holds[:-1])  # each piece reaches the beginning of the next
         if shown.any():
             drawn = path["x_m"].where(shown), path["y_m"].where(shown)
@@ -78,20 +84,39 @@ def number_places(
         near_m: what lies nearer than this to a place's first number stands with it [m].
         trajectories: the trajectories that the numbers do not cover.
     """
-    places: dict[tuple[float, float], list[str]] = {}
     driven = np.concatenate([trajectory[["x_m", "y_m", "heading_rad"]].to_numpy() for trajectory in trajectories])
-    for i, x_m, y_m in numbered:
+    for _, x_m, y_m in numbered:
         heading_rad = driven[np.argmin(np.hypot(*(driven[:, :2] - (x_m, y_m)).T)), 2]
-        stroke = (2, 2, float(np.degrees(heading_rad)))
-        ax.plot(x_m, y_m, marker=stroke, color="black", markersize=11, markeredgewidth=0.9, zorder=8)
+        draw_stroke(ax, x_m, y_m, heading_rad)
+    write_beside(ax, together(numbered, near_m), trajectories)
+
+
+def draw_stroke(ax: "Axes", x_m: float, y_m: float, heading_rad: float, color: str = "black") -> None:
+    """Mark a place by a stroke across its path."""
+    stroke = (2, 2, float(np.degrees(heading_rad)))
+    ax.plot(x_m, y_m, marker=stroke, color=color, markersize=11, markeredgewidth=0.9, zorder=8)
+
+
+def together(numbered: Sequence[tuple[int, float, float]], near_m: float, color: str = "black") -> list["Word"]:
+    """Return the words for numbered places, those of one place together; arguments as of ``number_places``."""
+    places: dict[tuple[float, float], list[str]] = {}
+    for i, x_m, y_m in numbered:
         near = next((place for place in places if math.hypot(place[0] - x_m, place[1] - y_m) < near_m), (x_m, y_m))
         places.setdefault(near, []).append(str(i))
-    write_beside(ax, [(place, ", ".join(names)) for place, names in places.items()], trajectories)
+    return [Word(place, ", ".join(names), color) for place, names in places.items()]
+
+
+class Word(NamedTuple):
+    """A word that stands beside a place x, y [m]."""
+
+    place: tuple[float, float]
+    text: str
+    color: str = "black"
 
 
 def write_beside(
     ax: "Axes",
-    words: Sequence[tuple[tuple[float, float], str]],
+    words: Sequence[Word],
     trajectories: Sequence["pd.DataFrame"],
     radius_m: float = 0.0,
 ) -> None:
@@ -99,7 +124,7 @@ def write_beside(
 
     Args:
         ax: where to write, with everything else in its place.
-        words: each place's x, y [m] and its word.
+        words: the words, the most important first.
         trajectories: the trajectories.
         radius_m: of what stands around each place [m].
     """
@@ -113,7 +138,7 @@ def write_beside(
     taken = ax.transData.transform(
         np.concatenate([trajectory[["x_m", "y_m"]].to_numpy() for trajectory in trajectories])
     )
-    for (x_m, y_m), word in words:
+    for (x_m, y_m), word, color in words:
         place = ax.transData.transform((x_m, y_m))
         width = LETTER_POINTS * point * len(word)
         rooms: list[float] = []
@@ -132,6 +157,7 @@ def write_beside(
             "va": "center",
             "fontsize": 9,
             "zorder": 30,
+            "color": color,
         }
         for effects in ([Stroke(linewidth=2.5, foreground="white")], []):  # a halo, and the word itself as text
             ax.annotate(word, (x_m, y_m), tuple(offset / point), path_effects=effects, **look)

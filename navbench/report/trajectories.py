@@ -1,6 +1,5 @@
 """Sections of a report that are pictures of runs: trajectories over their world, frames of an episode, time series."""
 
-import math
 import string
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -9,21 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.experiments.store import ResultsError
-from navbench.report.document import Blocks, Paragraph
+from navbench.report.document import Block, Blocks, Paragraph
+from navbench.report.drawing import draw_circle, draw_robot, draw_world, thinned
 from navbench.report.figures import (
     PALETTE,
     draw_cells,
-    draw_circle,
-    draw_world,
     label_legend,
     nested_width,
     new_figure,
     panel_of,
     robot_color,
-    thinned,
 )
 from navbench.report.page import Page, Select
-from navbench.report.paths import cut, write_beside
+from navbench.report.paths import Word, cut, write_beside
+from navbench.report.sampling import sample_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 THINNED_RADII = 0.015  # what a drawn path may stray from the driven one
 WIDTH_INCHES, TITLE_INCHES = 2.5, 0.35  # of a frame
-PANELS = 12  # a figure of more cells cannot be read
+PANELS, FIGURES = 12, 5  # a figure of more cells cannot be read, and nobody reads more figures
 FRAMES = 10  # where no times are given, so many, evenly from the beginning to the end
 FLAT = 1e-6  # values that differ by less are drawn as one, not as their rounding errors
 PLACE = ("x_m", "y_m", "heading_rad")  # columns that change between the control periods, too
@@ -83,7 +81,11 @@ def trajectories(
         cut(ax, [path for _, path in paths], robot.radius_m)
         first = {f"R{row['robot_index'] + 1}": tuple(path[["x_m", "y_m"]].iloc[0]) for row, path in reversed(paths)}
         if len(first) > 1:
-            starts[ax] = [(place, name) for name, place in first.items()], [path for _, path in paths], robot.radius_m
+            starts[ax] = (
+                [Word(place, name) for name, place in first.items()],
+                [path for _, path in paths],
+                robot.radius_m,
+            )
         ax.set_title(title)
     for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
@@ -97,17 +99,19 @@ def trajectories(
 
 def _by_cell(page: Page, select: Select) -> Blocks:
     """Return the trajectories of all episodes, a panel per cell of which they are kept, some panels a figure."""
+    cells = {str(run_id): rows for run_id, rows in page.stored.select(**select).groupby("run_id", sort=False)}
+    sample = sample_of(list(cells), page.stored.rows, PANELS * FIGURES)
     panels = []
-    for run_id, rows in page.stored.select(**select).groupby("run_id", sort=False):
+    for run_id in sample.runs:
         try:
-            panels.append(panel_of(page.stored, str(run_id), rows))
+            panels.append(panel_of(page.stored, run_id, cells[run_id]))
         except ResultsError:  # a cell that keeps none
             continue
-    plots = []
+    plots: list[Block] = [Paragraph(f"{sample.says}.")] if sample.says else []
     for i in range(0, len(panels), PANELS):
         figure = draw_cells(panels[i : i + PANELS])
         plots.append(page.plot(figure, "Trajectories, a panel per cell.", more=f"_{i // PANELS + 1}"))
-    return plots or [Paragraph("No trajectories were kept.")]
+    return plots if panels else [Paragraph("No trajectories were kept.")]
 
 
 def _draw_path(
@@ -143,10 +147,7 @@ def frames(page: Page, *, select: Select, times_s: Sequence[float] = (), columns
         for path, color in zip(paths, map(robot_color, range(len(paths))), strict=True):
             so_far = path[path["t_s"] <= t_s]
             ax.plot(so_far["x_m"], so_far["y_m"], color=color, linewidth=1.0, zorder=5)
-            x, y, heading = so_far[["x_m", "y_m", "heading_rad"]].iloc[-1]
-            draw_circle(ax, x, y, robot.radius_m, color)
-            tip = x + 1.5 * robot.radius_m * math.cos(heading), y + 1.5 * robot.radius_m * math.sin(heading)
-            ax.plot([x, tip[0]], [y, tip[1]], color="black", linewidth=1.2, zorder=7)
+            draw_robot(ax, so_far[["x_m", "y_m", "heading_rad"]].iloc[-1], robot.radius_m, color)
         ax.set(xlabel="", ylabel="")
         ax.set_title(f"{string.ascii_lowercase[i % 26]}) {t_s:.1f} s", fontsize=10)
     for ax in axes.ravel()[len(times) :]:
@@ -190,7 +191,7 @@ def time_series(
                 if column in PLACE:
                     ax.plot(path["t_s"], values, label=called, **look)
                 else:
-                    _stairs(ax, path["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
+                    stairs(ax, path["t_s"].to_numpy(), values.to_numpy(dtype=float), called, look)
             for called, (begin_s, end_s) in (spans or {}).items():
                 ax.axvspan(begin_s, end_s, color="0.85", zorder=0, label=called if ax is axes[0, 0] else None)
             if bands and label in bands:
@@ -204,11 +205,11 @@ def time_series(
         above[0].set_title(title)
         above[-1].set_xlabel("t [s]")
     for row in axes:
-        _widen_flat(row)
+        widen_flat(row)
     return [page.plot(figure)]
 
 
-def _stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: Mapping[str, Any]) -> None:
+def stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: Mapping[str, Any]) -> None:
     """Draw what a controller held over each control period; its last row belongs to the end, when it acted no more.
 
     Args:
@@ -218,6 +219,8 @@ def _stairs(ax: "Axes", t_s: FloatArray, values: FloatArray, called: str, look: 
         called: what the legend calls it.
         look: the line's colour and width.
     """
+    if len(t_s) < 2:  # it ended before its first period was over
+        return
     x, y = np.repeat(t_s, 2)[1:-1], np.repeat(values[:-1], 2)
     faint = chatter(t_s, values)
     if faint.any():
@@ -244,7 +247,7 @@ def chatter(t_s: FloatArray, values: FloatArray) -> NDArray[np.bool_]:
     return found
 
 
-def _widen_flat(row: "Sequence[Axes]") -> None:
+def widen_flat(row: "Sequence[Axes]") -> None:
     """Give those axes of a row whose series do not change the range of the others, or one of 1 around their value."""
     limits = {ax: ax.get_ylim() for ax in row}
     flat = [ax for ax in row if np.ptp(ax.dataLim.intervaly) < FLAT]

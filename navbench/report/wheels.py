@@ -33,7 +33,7 @@ def wheel_velocities(page: Page, *, panels: Mapping[str, Select], active: str, m
         robot = page.robot(rows[0]["run_id"])
         for ax, row in zip(column, rows, strict=False):
             path = page.stored.trajectory(row)
-            for begin_s, end_s in _spans(path, active):
+            for begin_s, end_s in spans_of(path, active):
                 ax.axvspan(begin_s, end_s, color=ACTIVE, linewidth=0.0, zorder=0)
             for side, color, name in ((-0.5, PALETTE[1], "left"), (0.5, PALETTE[0], "right")):
                 speed = path["v_mps"] + side * robot.track_m * path["w_radps"]
@@ -51,15 +51,15 @@ def wheel_velocities(page: Page, *, panels: Mapping[str, Select], active: str, m
     return [page.plot(figure)]
 
 
-def _spans(path: "pd.DataFrame", column: str) -> list[tuple[float, float]]:
-    """Return when a state begins and ends [s], short gaps closed."""
+def spans_of(path: "pd.DataFrame", column: str, gap_s: float = GAP_S) -> list[tuple[float, float]]:
+    """Return when a state begins and ends [s], shorter gaps closed."""
     on: NDArray[np.bool_] = path[column].fillna(0.0).to_numpy() != 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     t_s = path["t_s"].to_numpy()
     spans: list[tuple[float, float]] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         begin_s, end_s = float(t_s[begin]), float(t_s[min(end, len(t_s) - 1)])
-        if spans and begin_s - spans[-1][1] < GAP_S:
+        if spans and begin_s - spans[-1][1] < gap_s:
             begin_s, _ = spans.pop()
         spans.append((begin_s, end_s))
     return spans

@@ -20,11 +20,11 @@ from navbench.cli.worlds import world_of
 from navbench.controllers.zhao2018.sections import evolution, gains
 from navbench.mathematics.statistics import Estimate
 from navbench.records import Thing
-from navbench.report.figures import MOVER as MOVER_COLOUR
+from navbench.report.drawing import MOVER as MOVER_COLOUR
 from navbench.report.outcomes import fleet_table
 from navbench.report.tables import summarize, to_markdown, to_text
 from navbench.report.trajectories import frames
-from navbench.report.wheels import _spans, wheel_velocities
+from navbench.report.wheels import spans_of, wheel_velocities
 from navbench.validation import DescriptionError
 
 A, B = {"label": "A"}, {"label": "B"}
@@ -343,7 +343,10 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
 def test_marked_spans_with_a_short_gap_are_one() -> None:
     t_s = np.arange(0.0, 2.4, 0.2)
     on = [0, 1, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0]
-    assert _spans(pd.DataFrame({"t_s": t_s, "on": on}), "on") == [pytest.approx((0.2, 0.8)), pytest.approx((1.4, 1.8))]
+    assert spans_of(pd.DataFrame({"t_s": t_s, "on": on}), "on") == [
+        pytest.approx((0.2, 0.8)),
+        pytest.approx((1.4, 1.8)),
+    ]
 
 
 # --- the table of fleets in a report ---

@@ -16,7 +16,8 @@ from navbench.analysis.stored import StoredResults
 from navbench.controllers.nemeiksis2019.sections import spells_on_path
 from navbench.report import page
 from navbench.report.described import memberships
-from navbench.report.figures import LINES_MAX, _sparse, draw_cells, panel_of
+from navbench.report.drawing import sparse
+from navbench.report.figures import LINES_MAX, draw_cells, panel_of
 from navbench.report.paths import cut, number_places
 from navbench.report.trajectories import chatter, time_series
 
@@ -187,12 +188,12 @@ def legend_of(ax: Axes) -> list[str]:
 def test_a_thin_path_keeps_its_ends_and_strays_less_than_a_pixel(tmp_path: Path) -> None:
     angle = np.linspace(0.0, 5.0, 5000)
     points = np.column_stack([np.cos(angle), np.sin(angle)])
-    thin = _sparse(points, 0.01)
+    thin = sparse(points, 0.01)
     assert len(thin) < 1000
     assert (thin[[0, -1]] == points[[0, -1]]).all()
     at = np.unwrap(np.arctan2(thin[:, 1], thin[:, 0]))
     assert np.hypot(*(points - np.column_stack([np.interp(angle, at, part) for part in thin.T])).T).max() < 0.01
-    assert _sparse(points[:1], 0.01).tolist() == points[:1].tolist()
+    assert sparse(points[:1], 0.01).tolist() == points[:1].tolist()
 
 
 def test_a_cell_of_which_nothing_was_driven_has_an_empty_panel(tmp_path: Path) -> None:

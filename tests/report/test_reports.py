@@ -27,7 +27,8 @@ from navbench.report import latex, markdown
 from navbench.report.claims import findings, printed_table
 from navbench.report.comparison import comparison
 from navbench.report.document import Column, Document, Finding, Paragraph, Table, number, words
-from navbench.report.figures import PALETTE, styles, thinned
+from navbench.report.drawing import thinned
+from navbench.report.figures import PALETTE, styles
 from navbench.report.outcomes import outcomes_table
 from navbench.report.page import Page
 from navbench.report.provenance import sources
