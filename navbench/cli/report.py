@@ -55,6 +55,8 @@ def print_written(written: "Written") -> int:
     for file in written.files:
         if file.name == "report.md":
             print(f"report: {file} ({len(written.files)} files)")
+        elif file.name == "report.html":
+            print(f"page: {file}")
     for problem in written.problems:
         complain(f"{problem}; all else is written")
     return UNFINISHED if written.problems else 0
