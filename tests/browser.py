@@ -1,4 +1,4 @@
-"""A headless Chromium, driven through its debugging pipe: what the tests of pages need of it, and nothing to install."""
+"""A headless Chromium, driven through its debugging pipe: what the tests of pages need of it, nothing to install."""
 
 import base64
 import json
@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars", "--mute-audio")
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--mute-audio",
+)
 WAIT_MS = 20_000
 
 

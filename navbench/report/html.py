@@ -1,8 +1,8 @@
 """A report as one page that needs nothing beside itself: tables that sort, claims that open, episodes that play.
 
-The page is opened from a disk, sent by mail, kept for years, with no build step and no network: plain JavaScript, one
-file of a few hundred lines, does that, where a framework would cost more bytes than the data. A page has one state (which
-episode, which robot, when), and all that is written in it comes from the template, which escapes what it is given.
+The page is opened from a disk, sent by mail, kept for years, without a build step and without a network. One file of
+plain JavaScript does that: the page's only state is which episode, which robot and when, for which a framework would
+cost bytes and a build. What is written in it comes from a template that escapes it, and no other script may run.
 """
 
 import base64
@@ -152,9 +152,7 @@ def _table(table: Table) -> dict[str, Any]:
     shown = [i for i, column in enumerate(table.columns) if column.title is not None]
     right = aligned_right(len(columns), printed)
     details = _details(table, columns)
-    scales = [
-        None if table.columns[i].show == "count" else _scale([row[i] for row in table.rows]) for i in shown
-    ]
+    scales = [None if table.columns[i].show == "count" else _scale([row[i] for row in table.rows]) for i in shown]
     groups = [(title, len(list(of))) for title, of in groupby(columns, lambda column: column.group)]
     rows = [
         {

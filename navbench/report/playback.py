@@ -80,7 +80,7 @@ def playback(stored: StoredResults, budget: int = BYTES) -> Playback:
         for key in paths
     ]
     data = {"cells": [_cell(stored, run_id) for run_id in cells], "episodes": episodes, "words": _words(stored)}
-    counts = rows["outcome"].value_counts().to_dict()
+    counts = rows["outcome"].value_counts().sort_index(key=lambda names: names != "reached").to_dict()
     return Playback({**data, "layouts": layouts, "states": states}, listed, counts, _note(failed, played, stride))
 
 
@@ -107,7 +107,7 @@ def _paths(
     found: dict[Episode, dict[int, pd.DataFrame]] = {}
     without: set[str] = set()
     while True:
-        wanted = list(_first((key for key in order if key[0] not in without), robots, TRAJECTORIES))
+        wanted = dict.fromkeys(_first((key for key in order if key[0] not in without), robots, TRAJECTORIES))
         for run_id in dict.fromkeys(run_id for run_id, _ in wanted):
             try:
                 of_run = stored.results.trajectories(run_id)

@@ -65,9 +65,9 @@ def write_report(
         return _study(next(iter(studies.values())), out, each, trust, config_dir)
     told = [_study(stored, out / name, each, trust, config_dir) for name, stored in studies.items()]
     links = [Link(stored.manifest["study"]["title"], f"{name}/report.md") for name, stored in studies.items()]
-    document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
-    document = Document(document.title, [*document.blocks, *links])
-    own = _written(document, out, StoredResults(Joined([stored.results for stored in others])) if others else None)
+    joined = StoredResults(Joined([stored.results for stored in others])) if others else None
+    document = _runs(joined, out) if joined else Document("Reports", [])
+    own = _written(Document(document.title, [*document.blocks, *links]), out, joined)
     every_file = dict.fromkeys(file for written in (own, *told) for file in written.files)
     return Written(list(every_file), [problem for written in (own, *told) for problem in written.problems])
 
@@ -89,11 +89,11 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir
     return Written([*written.files, out / "findings.json"], written.problems)
 
 
-def _runs(runs: Sequence[Results], out: Path) -> Document:
+def _runs(stored: StoredResults, out: Path) -> Document:
     """Return the report of runs without a study's report."""
-    page = Page(StoredResults(Joined(runs)), out)
-    blocks = [block for spec in sections_of(page.stored) for block in build_section(page, spec)]
-    count = len(page.stored.manifest["cells"])
+    page = Page(stored, out)
+    blocks = [block for spec in sections_of(stored) for block in build_section(page, spec)]
+    count = len(stored.manifest["cells"])
     return Document(f"Results of {count} cells" if count != 1 else "Results of one cell", blocks)
 
 

@@ -62,6 +62,8 @@ for (const tabled of all(".tabled")) {
   }
 }
 
+if (matchMedia("(max-width: 45rem)").matches) one("nav details").open = false;
+
 function choose(tabled, column, value) { // show a table's rows of one value
   const select = all(".bar select", tabled).find(one => one.dataset.column === column);
   if (select) select.value = value;
@@ -83,6 +85,7 @@ addEventListener("beforeprint", () => { for (const details of all("details")) de
 
 // The player.
 const QUANTA = [1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]; // of t, x, y, heading, v, w
+const GREY = "#444444"; // of the colours, which is lost on a dark page
 const TURN = 2 * Math.PI;
 const DATA = one("#data") ? JSON.parse(one("#data").textContent) : { episodes: [] };
 
@@ -219,7 +222,9 @@ async function begin() {
   let episode = episodes[0], chosen = 0, t = 0, end = 1, over = [], running = 0, view = null, still = null, ink = {};
 
   const cellOf = of => cells[of.cell], layout = () => layouts[episode.layout];
-  const colourOf = (of, k) => of === episode && of.robots.length > 1 ? colours[k % colours.length] : colours[labels.indexOf(cellOf(of).label) % colours.length];
+  const colour = number => colours[number % colours.length] === GREY ? ink.muted : colours[number % colours.length];
+  const isFleet = () => episode.robots.length > 1; // in which a robot has a colour of its own, elsewhere a controller
+  const colourOf = (of, k) => isFleet() ? of === episode ? colour(k) : ink.muted : colour(labels.indexOf(cellOf(of).label));
   const failed = of => of.robots.some(robot => robot.outcome !== "reached");
   const readInk = () => {
     const style = getComputedStyle(document.documentElement);
@@ -288,7 +293,8 @@ async function begin() {
       context.stroke(new Path2D(`M${ax} ${ay}L${bx} ${by}`));
       context.setLineDash([]);
     }
-    context.globalAlpha = Math.max(0.25, Math.min(0.8, 6 / (over.length || 1)));
+    context.lineWidth = 1.3 * pixel;
+    context.globalAlpha = Math.max(0.3, Math.min(0.8, 6 / (over.length || 1)));
     for (const other of over) {
       context.strokeStyle = colourOf(other);
       other.robots.forEach(robot => context.stroke(robot.path));
@@ -432,9 +438,7 @@ async function begin() {
     context.fillText(`${+high.toPrecision(4)}`, 4, 12);
     context.fillText(`${+low.toPrecision(4)}`, 4, height - 3);
     context.fillText(`${end.toFixed(1)} s`, width - 40, height - 3);
-    context.fillStyle = ink.ink;
-    if (Number.isFinite(now)) context.fillText(`${+now.toPrecision(4)}`, Math.min(at(t, 0)[0] + 4, width - 50), 12);
-    canvas.setAttribute("aria-label", `${canvas.parentElement.querySelector("figcaption").firstChild.textContent.trim()} over time, from ${+low.toPrecision(4)} to ${+high.toPrecision(4)}`);
+    one("output", canvas.parentElement).value = Number.isFinite(now) ? `${+now.toPrecision(4)}` : "";
   }
 
   function extent(values) {
@@ -456,11 +460,12 @@ async function begin() {
   }
 
   function legend() {
-    const lines = episode.robots.length > 1
-      ? episode.robots.map((robot, k) => [colourOf(episode, k), `robot ${robot.robot + 1}: ${robot.outcome.replaceAll("_", " ")}`])
+    const lines = isFleet()
+      ? [...episode.robots.map((robot, k) => [colour(k), `robot ${robot.robot + 1}: ${robot.outcome.replaceAll("_", " ")}`]),
+        ...over.length ? [[ink.muted, `other episodes: ${over.length}`]] : []]
       : [...new Set([episode, ...over].map(of => cellOf(of).label))].map(label => {
         const of = [episode, ...over].filter(of => cellOf(of).label === label);
-        return [colours[labels.indexOf(label) % colours.length], `${label}: ${of.filter(failed).length} of ${of.length} shown failed`];
+        return [colour(labels.indexOf(label)), `${label}: ${of.filter(failed).length} of ${of.length} shown failed`];
       });
     id("legend").replaceChildren(...lines.map(([colour, text]) => {
       const item = document.createElement("li"), name = "http://www.w3.org/2000/svg";
@@ -567,6 +572,7 @@ async function begin() {
   addEventListener("afterprint", redraw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
+  readInk();
   id("player").hidden = false;
   const wanted = /^#play-(\d+)-(\d+)$/.exec(location.hash), place = wanted ? +wanted[1] : 0;
   show(place < episodes.length ? place : 0, wanted ? +wanted[2] : episodes[0].robots.find(robot => robot.outcome !== "reached")?.robot ?? 0);
