@@ -43,7 +43,8 @@ class Browser:
         )
         os.close(from_me)
         os.close(to_me)
-        self._rest, self._count, self._session, self.errors = b"", 0, "", []
+        self._rest, self._count, self._session = b"", 0, ""
+        self.errors: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):

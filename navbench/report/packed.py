@@ -78,7 +78,8 @@ def packed_states(
         The text, in which for each robot the columns of ``QUANTA`` and then those of its trace follow each other; and
         for each robot ``n``, how many states it has, and ``traces``: each column's name, lowest value and quantum.
     """
-    columns, told = [np.zeros(0, np.int32)], {}
+    columns: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
+    told: dict[Any, dict[int, dict[str, Any]]] = {}
     for key, of in paths.items():
         told[key] = {}
         for robot, path in of.items():

@@ -1,10 +1,14 @@
 """What a page plays: the trajectories and layouts of some episodes, failures first, and a row for each robot."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults, driven
 from navbench.experiments.store import ResultsError
 from navbench.report.packed import packed_layouts, packed_states, rounded
@@ -21,7 +25,8 @@ COARSEST = 8  # where these are more, one state in so many at most, before there
 FURTHER = 1000  # robots that failed, and are not played, but have a row
 TRACEBACK = 4000  # letters
 
-Episode = tuple[str, int]  # run_id and index
+Episode: TypeAlias = tuple[str, int]  # run_id and index
+Paths: TypeAlias = "dict[Episode, dict[int, pd.DataFrame]]"  # each robot's trajectory
 
 
 class Playback(NamedTuple):
@@ -40,48 +45,53 @@ class Playback(NamedTuple):
     note: str
 
 
-def playback(stored: StoredResults, budget: int = BYTES) -> Playback:
+def playback(stored: StoredResults, trust: bool = False, budget: int = BYTES) -> Playback:
     """Return what a page plays of some results.
 
     Args:
         stored: the results.
+        trust: whether a controller outside navbench may be asked what its trace's values are called.
         budget: for layouts and states [bytes].
     """
     rows = driven(stored.rows)
-    rows = rows.assign(place=list(zip(rows["run_id"], rows["episode"], strict=True)))
-    failed = rows["outcome"] != "reached"
-    robots: dict[Episode, int] = rows["place"].value_counts(sort=False).to_dict()
-    lost = set(rows["place"][failed])
-    order = [key for of in (True, False) for key in _spread([key for key in robots if (key in lost) == of])]
-    most, stride, paths = TRAJECTORIES, 1, _paths(stored, order, robots)
-    while True:
-        layouts, drawn_in = packed_layouts({key: stored.world(*key) for key in paths})
-        states, told = packed_states(paths, stride)
-        if len(layouts) + len(states) <= budget or len(paths) <= 1:
-            break
-        if len(states) > len(layouts) and stride < COARSEST:
-            stride *= 2
-        else:
-            most //= 2
-            paths = {key: paths[key] for key in _first(paths, robots, most)}
-    numbers = {key: number for number, key in enumerate(paths)}
-    played = rows["place"].isin(paths.keys())
+    keys: list[Episode] = list(zip(rows["run_id"].tolist(), rows["episode"].tolist(), strict=True))
+    failed = (rows["outcome"] != "reached").to_numpy(dtype=bool)
+    packed = _packed(stored, _paths(stored, *_order(keys, failed)), budget)
+    numbers = {key: number for number, key in enumerate(packed.told)}
+    played = np.array([key in numbers for key in keys], dtype=bool)
     shown = [*np.flatnonzero(played), *np.flatnonzero(failed & ~played)[:FURTHER]]
-    listed = [_row(stored, row, numbers) for row in rows.iloc[shown].to_dict("records")]
-    cells = list(dict.fromkeys(run_id for run_id, _ in paths))
-    ends = dict(zip(zip(rows["place"], rows["robot_index"], strict=True), rows["outcome"], strict=True))
+    listed = [
+        {**_row(stored, row), "place": numbers.get(keys[i])}
+        for i, row in zip(shown, rows.iloc[shown].to_dict("records"), strict=True)
+    ]
+    outcomes = dict(zip(zip(keys, rows["robot_index"], strict=True), rows["outcome"], strict=True))
+    cells = list(dict.fromkeys(run_id for run_id, _ in numbers))
     episodes = [
         {
             "cell": cells.index(key[0]),
             "episode": key[1],
-            "layout": drawn_in[key],
-            "robots": [{"robot": robot, "outcome": ends[key, robot], **of} for robot, of in told[key].items()],
+            "layout": packed.drawn_in[key],
+            "robots": [{"robot": robot, "outcome": outcomes[key, robot], **one} for robot, one in of.items()],
         }
-        for key in paths
+        for key, of in packed.told.items()
     ]
-    data = {"cells": [_cell(stored, run_id) for run_id in cells], "episodes": episodes, "words": _words(stored)}
-    counts = rows["outcome"].value_counts().sort_index(key=lambda names: names != "reached").to_dict()
-    return Playback({**data, "layouts": layouts, "states": states}, listed, counts, _note(failed, played, stride))
+    data = {
+        "cells": [_cell(stored, run_id, trust) for run_id in cells],
+        "episodes": episodes,
+        "layouts": packed.layouts,
+        "states": packed.states,
+    }
+    ends = Counter(rows["outcome"])
+    counts = {name: ends[name] for name in sorted(ends, key=lambda name: name != "reached")}
+    return Playback(data, listed, counts, _note(failed, played, packed.stride))
+
+
+def _order(keys: Sequence[Episode], failed: NDArray[np.bool_]) -> tuple[list[Episode], dict[Episode, int]]:
+    """Return the episodes in the order in which they are played, failures first, and how many robots each has."""
+    robots = Counter(keys)
+    lost = {key for key, is_failed in zip(keys, failed, strict=True) if is_failed}
+    order = [key for of in (True, False) for key in _spread([key for key in robots if (key in lost) == of])]
+    return order, robots
 
 
 def _spread(keys: Sequence[Episode]) -> list[Episode]:
@@ -90,7 +100,7 @@ def _spread(keys: Sequence[Episode]) -> list[Episode]:
     return [keys[place] for place in sorted(range(len(keys)), key=lambda place: f"{place:0{bits}b}"[::-1])]
 
 
-def _first(keys: Any, robots: Mapping[Episode, int], most: int) -> Iterator[Episode]:
+def _first(keys: Iterable[Episode], robots: Mapping[Episode, int], most: int) -> Iterator[Episode]:
     """Yield the first keys, of so many robots at most, and at least one."""
     total = 0
     for key in keys:
@@ -100,11 +110,9 @@ def _first(keys: Any, robots: Mapping[Episode, int], most: int) -> Iterator[Epis
         yield key
 
 
-def _paths(
-    stored: StoredResults, order: Sequence[Episode], robots: Mapping[Episode, int]
-) -> "dict[Episode, dict[int, pd.DataFrame]]":
+def _paths(stored: StoredResults, order: Sequence[Episode], robots: Mapping[Episode, int]) -> "Paths":
     """Return the robots' trajectories of the first episodes, in this order, whose cells keep them."""
-    found: dict[Episode, dict[int, pd.DataFrame]] = {}
+    found: Paths = {}
     without: set[str] = set()
     while True:
         wanted = dict.fromkeys(_first((key for key in order if key[0] not in without), robots, TRAJECTORIES))
@@ -114,15 +122,40 @@ def _paths(
             except ResultsError:
                 without.add(run_id)
                 continue
-            for (episode, robot), places in of_run.groupby(["episode", "robot_index"]).indices.items():
+            places: Mapping[Any, Any] = of_run.groupby(["episode", "robot_index"]).indices
+            for (episode, robot), of in places.items():
                 if (run_id, episode) in wanted:
-                    found.setdefault((run_id, int(episode)), {})[int(robot)] = of_run.iloc[places]
+                    found.setdefault((run_id, int(episode)), {})[int(robot)] = of_run.iloc[of]
         if not any(run_id in without for run_id, _ in wanted):
             return {key: found[key] for key in wanted if key in found}
 
 
-def _row(stored: StoredResults, row: Mapping[Any, Any], numbers: Mapping[Episode, int]) -> dict[str, Any]:
-    """Return what a table says of a robot: ``place`` is its episode's among those that are played, or None."""
+class Packed(NamedTuple):
+    """Packed episodes, see ``navbench.report.packed``; of the states one in ``stride`` is kept."""
+
+    layouts: str
+    drawn_in: Mapping[Episode, int]
+    states: str
+    told: Mapping[Episode, Mapping[int, Mapping[str, Any]]]
+    stride: int
+
+
+def _packed(stored: StoredResults, paths: "Paths", budget: int) -> Packed:
+    """Return the first of some episodes, packed into so many bytes: first states are left out, then episodes."""
+    stride = 1
+    while True:
+        layouts, drawn_in = packed_layouts({key: stored.world(*key) for key in paths})
+        states, told = packed_states(paths, stride)
+        if len(layouts) + len(states) <= budget or len(paths) <= 1:
+            return Packed(layouts, drawn_in, states, told, stride)
+        if len(states) > len(layouts) and stride < COARSEST:
+            stride *= 2
+        else:
+            paths = {key: paths[key] for key in list(paths)[: len(paths) // 2]}
+
+
+def _row(stored: StoredResults, row: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return what a table says of a robot."""
     cell = stored.configuration(row["run_id"])
     name, world = cell["name"], cell["world"]
     hit = f"hit {row['hit']} {row['hit_index']}" if row.get("hit") else ""
@@ -132,12 +165,11 @@ def _row(stored: StoredResults, row: Mapping[Any, Any], numbers: Mapping[Episode
         "world": name if name.startswith(world) else f"{world} ({name})",
         "reason": row["reason"] or hit,
         "traceback": (row.get("traceback") or "")[-TRACEBACK:],
-        "place": numbers.get(row["place"]),
     }
 
 
-def _cell(stored: StoredResults, run_id: str) -> dict[str, Any]:
-    """Return what the page knows of a cell: its names, its robot's radius, and its range sensors."""
+def _cell(stored: StoredResults, run_id: str, trust: bool) -> dict[str, Any]:
+    """Return what the page knows of a cell: its names, its robot's radius, its range sensors, its trace's words."""
     cell = stored.configuration(run_id)
     configuration = cell["configuration"]
     robot = describe(Robot, configuration["robot"], "robot")
@@ -155,10 +187,23 @@ def _cell(stored: StoredResults, run_id: str) -> dict[str, Any]:
         "radius": robot.radius_m,
         "tolerance": configuration["world"]["goal_tolerance_m"],
         "mounts": mounts,
+        "words": _words_of_study(stored) | _words_of(configuration["controller"]["build"].get("_target_", ""), trust),
     }
 
 
-def _words(stored: StoredResults) -> dict[str, dict[str, str]]:
+def _words_of(controller: str, trust: bool) -> dict[str, dict[str, str]]:
+    """Return what a controller calls the values of its trace: nothing where it does not say, or is not trusted."""
+    module, _, name = controller.rpartition(".")
+    if not module or lies_outside(controller) and not trust:
+        return {}
+    try:
+        told = getattr(getattr(import_module(module), name), "trace_words", {})
+        return {column: {str(value): str(word) for value, word in enumerate(words)} for column, words in told.items()}
+    except Exception:  # a user's module may raise anything, and may be gone
+        return {}
+
+
+def _words_of_study(stored: StoredResults) -> dict[str, dict[str, str]]:
     """Return what the study's report calls the values of a trace, as its time series are told it."""
     outline = [spec for spec in (stored.manifest["study"] or {}).get("report") or [] if isinstance(spec, Mapping)]
     return {
@@ -169,7 +214,7 @@ def _words(stored: StoredResults) -> dict[str, dict[str, str]]:
     }
 
 
-def _note(failed: "pd.Series[bool]", played: "pd.Series[bool]", stride: int) -> str:
+def _note(failed: NDArray[np.bool_], played: NDArray[np.bool_], stride: int) -> str:
     """Return how many of the robots' trajectories are played, and how coarsely."""
     coarse = f"; one state in {stride}" if stride > 1 else ""
     further = int((failed & ~played).sum())

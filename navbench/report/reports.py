@@ -67,7 +67,7 @@ def write_report(
     links = [Link(stored.manifest["study"]["title"], f"{name}/report.md") for name, stored in studies.items()]
     joined = StoredResults(Joined([stored.results for stored in others])) if others else None
     document = _runs(joined, out) if joined else Document("Reports", [])
-    own = _written(Document(document.title, [*document.blocks, *links]), out, joined)
+    own = _written(Document(document.title, [*document.blocks, *links]), out, joined, trust)
     every_file = dict.fromkeys(file for written in (own, *told) for file in written.files)
     return Written(list(every_file), [problem for written in (own, *told) for problem in written.problems])
 
@@ -85,7 +85,7 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
-    written = _written(document, out, stored)
+    written = _written(document, out, stored, trust)
     return Written([*written.files, out / "findings.json"], written.problems)
 
 
@@ -97,11 +97,11 @@ def _runs(stored: StoredResults, out: Path) -> Document:
     return Document(f"Results of {count} cells" if count != 1 else "Results of one cell", blocks)
 
 
-def _written(document: Document, out: Path, stored: StoredResults | None) -> Written:
+def _written(document: Document, out: Path, stored: StoredResults | None, trust: bool) -> Written:
     """Write a report and, of the results that it is of, its page."""
     files, problems, played = write_document(document, out), document.problems, None
     try:
-        played = playback(stored) if stored is not None else None
+        played = playback(stored, trust) if stored is not None else None
     except Exception as error:  # of results from anybody
         problems = [*problems, f"report.html plays no episodes: {one_line(error)}"]
     write_table(out / "report.html", html.render(document, out, played))

@@ -14,7 +14,7 @@ from stored import a_cell, a_record, store
 from navbench.analysis.stored import StoredResults
 from navbench.records import RobotRecord
 from navbench.report import html
-from navbench.report.document import Column, Document, Figure, Finding, Heading, Link, Paragraph, Table
+from navbench.report.document import Block, Column, Document, Figure, Finding, Heading, Link, Paragraph, Table
 from navbench.report.packed import QUANTA
 from navbench.report.playback import TRAJECTORIES, playback
 from navbench.report.reports import write_report
@@ -94,20 +94,20 @@ def test_failures_are_played_first_and_the_others_evenly(many: StoredResults) ->
 
 
 def test_less_room_takes_coarser_states_and_then_fewer_episodes_and_says_so(many: StoredResults) -> None:
-    full = playback(many, 10**7)
+    full = playback(many, budget=10**7)
     assert "one state in" not in full.note
     size = len(full.data["states"])
-    coarse = playback(many, size // 3)
+    coarse = playback(many, budget=size // 3)
     assert len(coarse.data["states"]) <= size // 3
     assert len(coarse.data["episodes"]) == TRAJECTORIES
     assert re.search(r"one state in [248]\b", coarse.note)
-    few = playback(many, size // 40)
+    few = playback(many, budget=size // 40)
     assert 1 <= len(few.data["episodes"]) < TRAJECTORIES / 2
     assert "one state in 8" in few.note
 
 
 def test_unpacked_states_are_within_half_a_quantum_and_whole_traces_exact(many: StoredResults) -> None:
-    data = playback(many, 10**7).data
+    data = playback(many, budget=10**7).data
     planes = np.frombuffer(zlib.decompress(base64.b64decode(data["states"])), np.uint8)
     numbers = np.ascontiguousarray(planes.reshape(4, -1).T).view("<i4").ravel()
     first = data["episodes"][0]
@@ -164,7 +164,12 @@ def test_findings_stand_before_all_else_and_tables_keep_their_intervals(tmp_path
     figures = {"share": Figure("90 %", 0.9, 0.8, 0.95, 40)}
     columns = [Column("name"), Column("share", decimals=2), Column("n")]
     table = Table("t", columns, [["x", (0.5, 0.25, 0.75, 8), 3], ["y", None, 12]])
-    blocks = [Heading("Before"), table, Heading("Findings"), Finding("It holds in {share} **of them**.", figures)]
+    blocks: list[Block] = [
+        Heading("Before"),
+        table,
+        Heading("Findings"),
+        Finding("It holds in {share} **of them**.", figures),
+    ]
     text = html.render(Document("Title", blocks, "What *this* is."), tmp_path)
     assert text.index("It holds in 90 % <strong>of them</strong>.") < text.index("What <em>this</em> is.")
     assert text.index("What <em>this</em> is.") < text.index(">Before</h2>")
@@ -193,7 +198,20 @@ def test_a_study_s_words_for_its_trace_reach_the_page(tmp_path: Path) -> None:
     outline = [{**series, "ticks": {"doing": {"going": 0.0, "following": 1.0}}}]
     study = {"name": "s", "title": "S", "report": outline}
     data = playback(store(tmp_path, [(a_cell("A"), [a_record()])], study)).data
-    assert data["words"] == {"behavior": {"0": "going", "1": "following"}}
+    assert data["cells"][0]["words"] == {"behavior": {"0": "going", "1": "following"}}
+
+
+def test_a_controller_names_its_trace_s_values_and_one_outside_only_where_it_is_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "told.py").write_text("class Mine:\n    trace_words = {'behavior': ('rest', 'go')}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    words = []
+    for i, target in enumerate(("told.Mine", "told.Gone", "navbench.controllers.aouf2019.sflc.Sflc")):
+        stored = store(tmp_path / str(i), [(a_cell("A", _target_=target), [a_record()])])
+        words.append([playback(stored, trust).data["cells"][0]["words"] for trust in (False, True)])
+    ours = {"behavior": {"0": "go to goal", "1": "follow wall"}}
+    assert words == [[{}, {"behavior": {"0": "rest", "1": "go"}}], [{}, {}], [ours, ours]]
 
 
 def test_links_lead_to_pages_and_to_no_script() -> None:

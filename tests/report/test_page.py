@@ -9,18 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import CHROMIUM, Browser
-from stored import CROSSING, ROBOT, a_cell, a_drive, a_record, store
+from stored import CROSSING, ROBOT, Fleet, a_cell, a_drive, a_record, store
 
 from navbench.contract import Pose
+from navbench.records import CellKey, RobotRecord
 from navbench.report.packed import packed_layouts
 from navbench.report.reports import write_report
 from navbench.robot import Robot
 from navbench.sensors import Mount, Sensors
-from navbench.simulation.base import SimulatorOptions
+from navbench.simulation.options import SimulatorOptions
 from navbench.simulation.planar import PlanarSimulator
 from navbench.validation import describe
 from navbench.world.grid import Grid
-from navbench.world.layout import Layout
+from navbench.world.layout import Layout, Start
 from navbench.world.shapes import Bounds, Box, Disc, Mover, Point, Polygon, Wall
 from navbench.world.world import drawn
 
@@ -38,11 +39,11 @@ RING = {
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two controllers in one world and a fleet among movers; of twelve episodes of B every third fails."""
     path = tmp_path_factory.mktemp("page")
-    cells = [(a_cell("A"), [a_record(time_s=9.0 + i) for i in range(6)])]
-    failing = [
-        a_record("collided" if i % 3 == 1 else "reached", 5.0 + i, traceback="why" * (i == 1)) for i in range(12)
+    ends = [("reached", "collided", "reached")[i % 3] for i in range(12)]
+    cells: list[tuple[CellKey, list[RobotRecord | Fleet]]] = [
+        (a_cell("A"), [a_record(time_s=9.0 + i) for i in range(6)]),
+        (a_cell("B", kp=2.0), [a_record(end, 6.0 + i, traceback="why" * (i == 1)) for i, end in enumerate(ends)]),
     ]
-    cells.append((a_cell("B", kp=2.0), failing))
     cells[1][0].configuration["sensors"].update(RING)
     places = [(1.0 + i, 5.0) for i in range(5)]
     fleet = [a_drive([1.0] * 4, index=i, places=[(x, y + i) for x, y in places], behavior=[0, 1, 1, 0]) for i in (0, 1)]
@@ -220,8 +221,8 @@ def test_the_page_casts_rays_and_moves_movers_as_the_simulator_does(browser: Bro
             ),
         ),
         grid=Grid.of(occupied, 0.1, 1.0, -2.0),
-        starts=((0.0, 0.0),),
-        goals=((0.0, -1.0),),
+        starts=(Start(0.0, 0.0),),
+        goals=(Point(0.0, -1.0),),
     )
     angles = np.linspace(-math.pi, math.pi, 181)
     mounts = tuple(Mount(role=f"r{i}", x_m=0.0, y_m=0.0, heading_rad=float(a)) for i, a in enumerate(angles))

@@ -215,7 +215,7 @@ function cast(px, py, angle, far, { discs, outlines, grid }) {
 async function begin() {
   unpackStates(await inflated(DATA.states));
   const layouts = await unpackLayouts(await inflated(DATA.layouts));
-  const { cells, episodes, words, colours } = DATA;
+  const { cells, episodes, colours } = DATA;
   const labels = [...new Set(cells.map(cell => cell.label))];
   const id = name => document.getElementById(name);
   const scene = id("scene"), time = id("time"), play = id("play");
@@ -364,8 +364,8 @@ async function begin() {
     for (const [name, , quantum] of robot.traces) {
       const value = robot.trace[name][i];
       if (quantum !== 1 || Number.isNaN(value)) continue;
-      const word = words[name]?.[value], flag = robot.flags?.has(name);
-      if (word !== undefined) told.push(word);
+      const word = cellOf(episode).words[name]?.[value], flag = robot.flags?.has(name);
+      if (word !== undefined) told.push(...word ? [word] : []);
       else if (name.startsWith("active_") && flag) { if (value) told.push(name.slice(7)); }
       else if (/behaviou?r|agent|mode|phase|active/.test(name)) told.push(`${name} ${value}`);
       else if (flag && value) told.push(name);
