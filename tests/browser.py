@@ -17,7 +17,7 @@ FLAGS = (
     "--hide-scrollbars",
     "--mute-audio",
 )
-WAIT_MS = 20_000
+WAIT_MS = 60_000
 
 
 class Browser:

@@ -11,7 +11,7 @@ from navbench.validation import DescriptionError, instead
 if TYPE_CHECKING:
     from navbench.report.reports import Written
 
-HELP = """navbench report DIR... [out=DIR]: rebuild tables and figures from results directories, and run nothing
+HELP = """navbench report DIR... [out=DIR]: rebuild report.md, the page report.html, tables and figures; run nothing
 navbench report join=DIR: join the reports in a directory into its README.md
 
   --trust                                           run measures and sections that the results name outside navbench

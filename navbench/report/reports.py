@@ -43,9 +43,10 @@ def write_report(
 ) -> Written:
     """Write a report of some results directories; what of it fails is told in its place, and costs nothing else.
 
-    A study that says what its report holds gets that report: ``report.md``, ``findings.json``, ``claims.csv``,
-    ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other studies get one report together.
-    Where there are several reports, each stands in a folder of its study's name, and ``report.md`` links to them.
+    A study that says what its report holds gets that report: ``report.md``, its page ``report.html``,
+    ``findings.json``, ``claims.csv``, ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other
+    studies get one report together. Where there are several reports, each stands in a folder of its study's name, and
+    ``report.md`` links to them.
 
     Args:
         runs: the results directories.
