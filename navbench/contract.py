@@ -107,10 +107,11 @@ class Command(NamedTuple):
 class Controller(Protocol):
     """The policy of one robot: observation in, command out.
 
-    Two further attributes are optional. ``trace``, a mapping of names to numbers, the same names at every step, is
+    Three further attributes are optional. ``trace``, a mapping of names to numbers, the same names at every step, is
     read after each ``act`` and kept with the trajectory; its ``heading_error_rad``, if there is one, is what the
     metric ``heading_ise`` integrates. ``sensor_roles``, a tuple of names, is the sensor layout that the controller
-    needs; a run with another one is refused.
+    needs; a run with another one is refused. ``trace_words``, a mapping of a trace's name to what its values 0, 1, ...
+    are called, is what a report's page tells of an instant; an empty word is not told.
     """
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:

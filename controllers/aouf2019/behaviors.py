@@ -138,10 +138,12 @@ class Behaving(CompiledController):
 
     Attributes:
         sensor_roles: the sensors that it needs, in this order.
+        trace_words: what the trace's values are called.
         behaviors: what the behaviours are told.
     """
 
     sensor_roles = SENSOR_ROLES
+    trace_words = {"behavior": ("go to goal", "follow wall")}
     behaviors: Behaviors
 
 

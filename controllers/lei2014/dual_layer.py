@@ -94,7 +94,10 @@ class DualLayer(CompiledController):
         rules: the 81 rules of the second layer.
         ddcfc: the first layer: eta_d, eta_t to DDC.
         vfc: the second: theta_tar [rad], LDDC, FDDC, RDDC to v [m/s] and w, positive to the right [rad/s].
+        trace_words: what the trace's values are called.
     """
+
+    trace_words = {"behavior": ("move to goal", "avoid obstacle", "follow obstacle")}
 
     @checked("build")
     def __init__(

@@ -145,10 +145,12 @@ class MultiAgent(CompiledController):
 
     Attributes:
         sensor_roles: the sensors that it needs, in this order.
+        trace_words: what the trace's values are called.
         blocks: the fuzzy blocks.
     """
 
     sensor_roles = SENSOR_ROLES
+    trace_words = {"agent": ("destination agent", "obstacle agent", "wall agent")}
 
     @checked("build")
     def __init__(

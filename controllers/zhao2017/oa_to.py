@@ -138,11 +138,16 @@ class OaTo(CompiledController):
 
     Attributes:
         sensor_roles: the sensors that it needs, in this order.
+        trace_words: what the trace's values are called.
         oa: OA-FLC: R [s] and Phi [rad] to shares of the wheels' limit.
         to: TO-FLC: D [robot radii] and Psi [rad] to shares of the wheels' limit.
     """
 
     sensor_roles = SENSOR_ROLES
+    trace_words = {
+        "active_flc": ("TO-FLC", "OA-FLC"),
+        "special_situation": ("", "special ahead", "special right", "special left", "special astern"),
+    }
 
     def __init__(
         self,

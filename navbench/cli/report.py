@@ -12,7 +12,7 @@ from navbench.validation import DescriptionError, instead
 if TYPE_CHECKING:
     from navbench.report.reports import Written
 
-HELP = """navbench report DIR... [out=DIR]: rebuild tables and figures from results directories, and run nothing
+HELP = """navbench report DIR... [out=DIR]: rebuild report.md, the page report.html, tables and figures; run nothing
 navbench report join=DIR: join the reports in a directory into its README.md
 
   --trust                                           run measures and sections that the results name outside navbench
@@ -62,6 +62,8 @@ def print_written(written: "Written") -> int:
     for file in written.files:
         if file.name == "report.md":
             print(f"report: {file} ({len(written.files)} files)")
+        elif file.name == "report.html":
+            print(f"page: {file}")
     for problem in written.problems:
         complain(f"{problem}; all else is written")
     return UNFINISHED if written.problems else 0

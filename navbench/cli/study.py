@@ -10,6 +10,7 @@ from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
 
 HELP = """navbench study NAME: run what is missing of a study into outputs/study/NAME, and write results/NAME/report.md
+and report.html
 
   engine=local                                      where to run
   workers=N                                         processes; default one a core

@@ -12,9 +12,11 @@ from navbench.analysis.resolving import lies_outside
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.files import inside
 from navbench.experiments.store import Results, write_table
-from navbench.report import markdown
+from navbench.raised import one_line
+from navbench.report import html, markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
 from navbench.report.page import Page
+from navbench.report.playback import playback
 from navbench.report.runs import Joined, sections_of
 from navbench.report.sections import Spec, build_section, check_section, files_of, named
 
@@ -42,9 +44,10 @@ def write_report(
 ) -> Written:
     """Write a report of some results directories; what of it fails is told in its place, and costs nothing else.
 
-    A study that says what its report holds gets that report: ``report.md``, ``findings.json``, ``claims.csv``,
-    ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other studies get one report together.
-    Where there are several reports, each stands in a folder of its study's name, and ``report.md`` links to them.
+    A study that says what its report holds gets that report: ``report.md``, its page ``report.html``,
+    ``findings.json``, ``claims.csv``, ``tables/``, ``figures/`` and a small ``manifest.json``. Runs, sweeps and other
+    studies get one report together. Where there are several reports, each stands in a folder of its study's name, and
+    ``report.md`` links to them.
 
     Args:
         runs: the results directories.
@@ -64,9 +67,9 @@ def write_report(
         return _study(next(iter(studies.values())), out, each, trust, config_dir)
     told = [_study(stored, out / name, each, trust, config_dir) for name, stored in studies.items()]
     links = [Link(stored.manifest["study"]["title"], f"{name}/report.md") for name, stored in studies.items()]
-    document = _runs([stored.results for stored in others], out) if others else Document("Reports", [])
-    files = write_document(Document(document.title, [*document.blocks, *links]), out)
-    own = Written(files, document.problems)
+    joined = StoredResults(Joined([stored.results for stored in others])) if others else None
+    document = _runs(joined, out) if joined else Document("Reports", [])
+    own = _written(Document(document.title, [*document.blocks, *links]), out, joined, trust)
     every_file = dict.fromkeys(file for written in (own, *told) for file in written.files)
     return Written(list(every_file), [problem for written in (own, *told) for problem in written.problems])
 
@@ -88,15 +91,27 @@ def _study(stored: StoredResults, out: Path, each: Each, trust: bool, config_dir
     write_table(out / "manifest.json", json.dumps(_small(manifest), indent=1) + "\n")
     findings = json.dumps(document.findings(), indent=1, ensure_ascii=False) + "\n"
     write_table(out / "findings.json", findings)
-    return Written([*write_document(document, out), out / "findings.json"], document.problems)
+    written = _written(document, out, stored, trust)
+    return Written([*written.files, out / "findings.json"], written.problems)
 
 
-def _runs(runs: Sequence[Results], out: Path) -> Document:
+def _runs(stored: StoredResults, out: Path) -> Document:
     """Return the report of runs without a study's report."""
-    page = Page(StoredResults(Joined(runs)), out)
-    blocks = [block for spec in sections_of(page.stored) for block in build_section(page, spec)]
-    count = len(page.stored.manifest["cells"])
+    page = Page(stored, out)
+    blocks = [block for spec in sections_of(stored) for block in build_section(page, spec)]
+    count = len(stored.manifest["cells"])
     return Document(f"Results of {count} cells" if count != 1 else "Results of one cell", blocks)
+
+
+def _written(document: Document, out: Path, stored: StoredResults | None, trust: bool) -> Written:
+    """Write a report and, of the results that it is of, its page."""
+    files, problems, played = write_document(document, out), document.problems, None
+    try:
+        played = playback(stored, trust) if stored is not None else None
+    except Exception as error:  # of results from anybody
+        problems = [*problems, f"report.html plays no episodes: {one_line(error)}"]
+    write_table(out / "report.html", html.render(document, out, played))
+    return Written([files[0], out / "report.html", *files[1:]], problems)
 
 
 def write_document(document: Document, out: Path) -> list[Path]:

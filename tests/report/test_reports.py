@@ -552,6 +552,7 @@ def test_runs_without_a_study_get_the_comparison_of_a_study_failures_and_traject
         *(f"figures/{name}.{form}" for name in ("comparison", "trajectories_1") for form in ("png", "svg")),
         *(f"tables/{name}.{form}" for name in ("comparison_1", "summary") for form in ("csv", "tex")),
         "report.md",
+        "report.html",
     }
     rows = pd.read_csv(tmp_path / "out/tables/comparison_1.csv").to_dict("records")
     found = [[row[name] for name in ("label", "reached", "reached_difference", "wins", "ties")] for row in rows]
