@@ -1,34 +1,28 @@
 """Whether a controller keeps the contract: each check drives a cell in some ways, and says in a line what it found."""
 
 import math
-import random
 import statistics
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from navbench.contract import Command, Controller, Observation, Setup, trace_of
 from navbench.episode.similarity import DEFAULT_PERIOD_S, Native, Similarity, period_s
 from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell, Records
 from navbench.experiments.engines import in_processes
+from navbench.experiments.rerunning import Acts, difference, drive, ended, watch
 from navbench.policy import CompiledController
-from navbench.records import RobotRecord
 from navbench.sensors import Mount, Odometry, Ring, Sensors
 from navbench.world.layout import Layout
 from navbench.world.mirrored import mirrored
-
-FloatArray = NDArray[np.float64]
 
 ALIKE_RADII = 0.01  # by which a mirrored path may miss the first one: more is no rounding
 PERIOD_CHANGE = 0.05  # relative, of time and path: more than a small controller's discretisation
 EXACT: dict[str, Any] = {"noise_std_m": 0.0, "dropout_probability": 0.0, "odometry": Odometry()}
 TIMED = 5  # episodes, of which the quickest counts: another one may have shared its core
-STATE_NAMES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
 
 
 class Finding(NamedTuple):
@@ -47,8 +41,8 @@ class Finding(NamedTuple):
 
 def findings(cell: Cell) -> Iterator[Finding]:
     """Check a cell's controller, and yield what each check found as soon as it is known."""
-    driven = _drive(cell)
-    watched, acts = _watch(cell)
+    driven = drive(cell)
+    watched, acts = watch(cell)
     yield _finite(driven, acts)
     yield _within_limits(acts)
     yield _only_looks(acts)
@@ -61,59 +55,7 @@ def findings(cell: Cell) -> Iterator[Finding]:
     yield _speed(cell, acts)
 
 
-@dataclass(slots=True)
-class _Acts:
-    """What was seen of a controller's acts."""
-
-    setup: Setup | None = None
-    commands: list[Command] = field(default_factory=list)
-    changed: set[str] = field(default_factory=set)
-    times_s: list[float] = field(default_factory=list)
-
-
-class _Watched:
-    """A controller, and what is seen of it; the loop takes it for one in Python."""
-
-    def __init__(self, controller: Controller, acts: _Acts) -> None:
-        self.controller, self.acts = controller, acts
-
-    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        self.acts.setup = setup
-        self.controller.reset(setup, rng)
-
-    def act(self, look: Observation) -> Command:
-        before = {name: getattr(look, name).copy() for name in ("ranges_m", "discs")}
-        begin = time.perf_counter()
-        command = self.controller.act(look)
-        self.acts.times_s.append(time.perf_counter() - begin)
-        self.acts.changed |= {name for name, was in before.items() if not np.array_equal(was, getattr(look, name))}
-        self.acts.commands.append(command)
-        return command
-
-    @property
-    def trace(self) -> Any:
-        return trace_of(self.controller)
-
-
-def _drive(cell: Cell, *, back: bool = False, seed: int = 0) -> Records:
-    """Run a cell's episodes, forwards or back, with Python's and numpy's global generators seeded before."""
-    random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002
-    with cell.runner() as runner:
-        episodes = reversed(cell.indices) if back else cell.indices
-        records = [(episode, record) for episode in episodes for record in runner.run(episode)]
-    return sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
-
-
-def _watch(cell: Cell) -> tuple[Records, _Acts]:
-    """Run a cell's episodes, step by step, and watch its controllers."""
-    acts = _Acts()
-    with cell.runner() as runner:
-        runner.make_controller = lambda: _Watched(cell.make_controller(), acts)
-        return [(episode, record) for episode in cell.indices for record in runner.run(episode)], acts
-
-
-def _finite(driven: Records, acts: _Acts) -> Finding:
+def _finite(driven: Records, acts: Acts) -> Finding:
     failed = [(episode, record) for episode, record in driven if record.outcome == "controller_error"]
     lost = [(episode, record) for episode, record in driven if record.outcome == "no_layout"]
     if failed or lost:
@@ -124,28 +66,18 @@ def _finite(driven: Records, acts: _Acts) -> Finding:
     return Finding("ok" if reached else "note", "commands", many)
 
 
-def _within_limits(acts: _Acts) -> Finding:
+def _within_limits(acts: Acts) -> Finding:
     if acts.setup is None or not acts.commands:
         return Finding("note", "limits", "nothing was asked for")
-    robot = acts.setup.robot
-    fastest = [
-        abs(command[0]) + 0.5 * robot.track_m * abs(command[1]) for command in acts.commands if _is_pair(command)
-    ]
-    beyond = sum(wheel > robot.wheel_speed_max_mps * (1.0 + 1e-9) for wheel in fastest)
+    _, track_m, limit_mps, _ = acts.setup.robot
+    beyond = sum(abs(v) + 0.5 * track_m * abs(w) > limit_mps * (1.0 + 1e-9) for v, w in acts.commands)
     if not beyond:
-        return Finding("ok", "limits", f"the wheels can do what it asks for, {robot.wheel_speed_max_mps:.3g} m/s each")
-    share = f"{100.0 * beyond / len(fastest):.0f} %"
-    said = (
-        f"asks for more than the wheels can in {share} of the periods; the loop scales it down, so that the curve stays"
-    )
-    return Finding("note", "limits", said)
+        return Finding("ok", "limits", f"the wheels can do what it asks for, {limit_mps:.3g} m/s each")
+    share = f"in {100.0 * beyond / len(acts.commands):.1f} % of the periods"
+    return Finding("note", "limits", f"asks for more than the wheels can {share}; the loop scales it down")
 
 
-def _is_pair(command: Any) -> bool:
-    return isinstance(command, tuple) and len(command) == 2 and all(map(math.isfinite, command))
-
-
-def _only_looks(acts: _Acts) -> Finding:
+def _only_looks(acts: Acts) -> Finding:
     if acts.changed:
         return Finding("FAIL", "observes", f"act changes its observation: {', '.join(sorted(acts.changed))}")
     return Finding("ok", "observes", "leaves its observations as they are")
@@ -154,43 +86,19 @@ def _only_looks(acts: _Acts) -> Finding:
 def _repeats(cell: Cell, driven: Records) -> Finding:
     """Run the same again in ways that must not matter, and name the first difference."""
     ways: dict[str, Callable[[], Records]] = {
-        "run again": lambda: _drive(cell),
-        "in another order": lambda: _drive(cell, back=True),
-        "with other global seeds": lambda: _drive(cell, seed=1),
-        "in another process": lambda: in_processes(_drive, [cell], workers=2)[0],
+        "run again": lambda: drive(cell),
+        "in another order": lambda: drive(cell, back=True),
+        "with other global seeds": lambda: drive(cell, seed=1),
+        "in another process": lambda: in_processes(drive, [cell], workers=2)[0],
     }
-    apart = {way: found for way, run in ways.items() if (found := _difference(driven, run()))}
+    apart = {way: found for way, run in ways.items() if (found := difference(driven, run()))}
     if not apart:
         return Finding("ok", "repeats", f"to the last bit: {', '.join(ways)}")
     return Finding("FAIL", "repeats", f"differs {', '.join(apart)}: {next(iter(apart.values()))}")
 
 
-def _difference(first: Records, second: Records) -> str:
-    """Return where two runs of the same episodes first differ, or nothing."""
-    for (episode, one), (_, other) in zip(first, second, strict=True):
-        where = f"episode {episode}, robot {one.robot_index}"
-        names = (*STATE_NAMES, *(f"trace {name}" for name in one.trace_names))
-        if one.trace_names != other.trace_names:
-            return f"{where}: the trace has other names"
-        rows, others = (np.hstack((record.states, record.traces)) for record in (one, other))
-        count = min(len(rows), len(others))
-        differs = ~((rows[:count] == others[:count]) | (np.isnan(rows[:count]) & np.isnan(others[:count])))
-        if differs.any():
-            row = int(np.argmax(differs.any(axis=1)))
-            column = int(np.flatnonzero(differs[row])[-1 if differs[row, :6].sum() == 0 else 0])
-            values = f"{rows[row, column]:.6g} and {others[row, column]:.6g}"
-            return f"{where}, at {rows[row, 0]:.2f} s: {names[column]} is {values}"
-        if len(rows) != len(others) or one.outcome != other.outcome:
-            return f"{where}: {_ended(one)}, and {_ended(other)}"
-    return ""
-
-
-def _ended(record: RobotRecord) -> str:
-    return f"{record.outcome} after {record.states[-1, 0]:.2f} s" if len(record.states) else record.outcome
-
-
 def _compiled_as_act(driven: Records, watched: Records) -> Finding:
-    apart = _difference(driven, watched)
+    apart = difference(driven, watched)
     if apart:
         return Finding("FAIL", "compiled", f"act answers otherwise than the compiled policy: {apart}")
     return Finding("ok", "compiled", "act and the compiled policy answer the same to the last bit, trace included")
@@ -206,10 +114,8 @@ def _sensors(cell: Cell) -> Finding:
         reason = _reason_with(cell, ())
         if not reason:
             return Finding("ok", "sensors", "states none, and drives without range sensors")
-        said = (
-            f"states none, but without range sensors: {reason}; sensor_roles or sensor_kind would refuse such a suite"
-        )
-        return Finding("note", "sensors", said)
+        said = "states none, but without range sensors"
+        return Finding("note", "sensors", f"{said}: {reason}; sensor_roles or sensor_kind would refuse such a suite")
     rim_m = cell.sensors.drawn_for_radius_m
     for count, fov_deg in ((kind.rays, kind.fov_deg), (math.ceil(2.0 * kind.rays * 360.0 / kind.fov_deg), 360.0)):
         reason = _reason_with(cell, Ring(count=count, fov_deg=fov_deg, radius_m=rim_m).mounts())
@@ -220,7 +126,7 @@ def _sensors(cell: Cell) -> Finding:
 
 def _reason_with(cell: Cell, mounts: tuple[Mount, ...]) -> str:
     """Return why a controller fails with other range sensors, or nothing."""
-    records = _drive(replace(cell, sensors=replace(cell.sensors, mounts=mounts), episodes=1))
+    records = drive(replace(cell, sensors=replace(cell.sensors, mounts=mounts), episodes=1))
     return next((record.reason for _, record in records if record.outcome == "controller_error"), "")
 
 
@@ -244,7 +150,7 @@ def _mirrored(cell: Cell) -> Finding:
     exact = _without_chance(cell)
     image = replace(exact, world=replace(cell.world, source=_Mirrored(cell.world.source)))
     apart_m, since_s = 0.0, math.inf
-    for (_, one), (_, other) in zip(_drive(exact), _drive(image), strict=True):
+    for (_, one), (_, other) in zip(drive(exact), drive(image), strict=True):
         count = min(len(one.states), len(other.states))
         x, y = one.states[:count, 1] - other.states[:count, 1], one.states[:count, 2] + other.states[:count, 2]
         away = np.hypot(x, y)
@@ -253,7 +159,7 @@ def _mirrored(cell: Cell) -> Finding:
         if late.any():
             since_s = min(since_s, float(one.states[int(np.argmax(late)), 0]))
         elif one.outcome != other.outcome:
-            return Finding("note", "mirrored", f"in the mirrored world it {_ended(other)}, here it {_ended(one)}")
+            return Finding("note", "mirrored", f"{ended(one)}; in the mirrored world {ended(other)}")
     if since_s == math.inf:
         return Finding("ok", "mirrored", f"in the mirrored world it drives the mirrored path, within {apart_m:.2g} m")
     said = f"from {since_s:.2f} s on it leaves the mirrored path, by up to {apart_m:.2g} m: left and right differ"
@@ -276,11 +182,8 @@ def _without_chance(cell: Cell) -> Cell:
     """Return a cell with exact sensors and unperturbed starts; a fixed world is then the same in each episode."""
     tracker = cell.sensors.tracker and replace(cell.sensors.tracker, position_noise_std_m=0.0)
     sensors = replace(cell.sensors, **EXACT, tracker=tracker)
-    return replace(cell, sensors=sensors, jitter=Jitter(), episodes=1 if _is_fixed(cell) else cell.episodes)
-
-
-def _is_fixed(cell: Cell) -> bool:
-    return isinstance(cell.world.source, Layout)
+    is_fixed = isinstance(cell.world.source, Layout)
+    return replace(cell, sensors=sensors, jitter=Jitter(), episodes=1 if is_fixed else cell.episodes)
 
 
 def _any_period(cell: Cell) -> Finding:
@@ -289,9 +192,9 @@ def _any_period(cell: Cell) -> Finding:
     native = cell.native or Native(cell.robot, DEFAULT_PERIOD_S)
     halved = replace(exact, native=native._replace(period_s=0.5 * native.period_s))
     changes = []
-    for (_, one), (_, other) in zip(_drive(exact), _drive(halved), strict=True):
+    for (_, one), (_, other) in zip(drive(exact), drive(halved), strict=True):
         if one.outcome != other.outcome:
-            return Finding("note", "period", f"with half the control period it {_ended(other)}; it {_ended(one)}")
+            return Finding("note", "period", f"{ended(one)}; with half the control period {ended(other)}")
         if one.outcome == "reached":
             names = ("time_s", "path_length_m")
             changes.append([abs(other.metrics[name] / one.metrics[name] - 1.0) for name in names])
@@ -302,20 +205,16 @@ def _any_period(cell: Cell) -> Finding:
     return Finding("ok" if max(time_by, path_by) <= PERIOD_CHANGE else "note", "period", said)
 
 
-def _speed(cell: Cell, acts: _Acts) -> Finding:
+def _speed(cell: Cell, acts: Acts) -> Finding:
     if not acts.times_s:
         return Finding("note", "speed", "not measured: it never acted")
     act_s, period = statistics.median(acts.times_s), period_s(cell.native, Similarity.between(cell.robot, cell.native))
-    late = sum(one > period for one in acts.times_s)
-    if late:
-        return Finding(
-            "note", "speed", f"{late} of {len(acts.times_s)} acts take longer than the control period, {period:g} s"
-        )
+    if act_s > period:
+        return Finding("note", "speed", f"{act_s:.3g} s per act, more than its control period of {period:g} s")
     if cell.loop != "compiled":
+        is_policy = isinstance(cell.make_controller(), CompiledController)
         kind = (
-            "compiled, but the simulator is not"
-            if _is_compiled(cell)
-            else "Python; as a compiled policy it may be tenfold"
+            "compiled, but the simulator is not" if is_policy else "Python; a compiled policy may be ten times as fast"
         )
         return Finding("ok", "speed", f"{1e6 * act_s:.1f} us per act: {kind}")
     each_s = math.inf
@@ -325,7 +224,3 @@ def _speed(cell: Cell, acts: _Acts) -> Finding:
             steps = sum(len(record.states) - 1 for record in runner.run(cell.first_episode))
             each_s = min(each_s, (time.perf_counter() - begin) / max(steps, 1))
     return Finding("ok", "speed", f"compiled: {1e6 * each_s:.2f} us a control period, sensing and motion included")
-
-
-def _is_compiled(cell: Cell) -> bool:
-    return isinstance(cell.make_controller(), CompiledController)
