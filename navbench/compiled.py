@@ -89,6 +89,15 @@ def digest_of_sources(beside: str | None = None) -> str:
     return digest.hexdigest()[:32]
 
 
+def cache_folder() -> Path:
+    """Return the folder in which compiled functions are kept, for all states of the sources.
+
+    Raises:
+        OSError: no place can be written.
+    """
+    return _folder(digest_of_sources()).parent
+
+
 class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
     """The machine code of one function: a file for each signature, which is only ever replaced as a whole."""
 

@@ -4,7 +4,9 @@ x is forward, y is left, angles are counter-clockwise in (-pi, pi]. Lengths are 
 controller's own paper: where the episode's robot is another one, the loop converts (``navbench.episode.similarity``).
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -103,15 +105,48 @@ class Command(NamedTuple):
     w_radps: float
 
 
+class AnyRing(NamedTuple):
+    """A kind of ring that a controller needs: any that has enough rays in a field of view, spread over it.
+
+    Attributes:
+        rays: how many rays at least, each of a sensor of its own, look into the field.
+        fov_deg: the field, half of it to either side of straight ahead [degrees]. Two neighbouring rays lie at most
+            twice ``fov_deg / rays`` apart, and the outermost ones at most that from the edges.
+    """
+
+    rays: int
+    fov_deg: float
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return f"any ring of at least {self.rays} rays over {self.fov_deg:g} degrees"
+
+    def lack(self, sensors: Sequence[RangeSensor]) -> str:
+        """Return what a suite lacks to be of this kind, empty where it lacks nothing."""
+        half, step = 0.5 * self.fov_deg, self.fov_deg / self.rays
+        around = (math.degrees(math.remainder(sensor.heading_rad, math.tau)) for sensor in sensors)
+        inside = sorted(heading for heading in around if abs(heading) <= half + _HAIR_DEG)
+        if len(inside) < self.rays:
+            return f"this suite has {len(inside)} there"
+        low, high = max(pairwise([-half - step, *inside, half + step]), key=lambda gap: gap[1] - gap[0])
+        if high - low <= 2.0 * step + _HAIR_DEG:
+            return ""
+        return f"this suite sees nothing between {max(low, -half):.0f} and {min(high, half):.0f} degrees"
+
+
+_HAIR_DEG = 1e-6  # by which a heading in radians may miss the edge
+
+
 @runtime_checkable
 class Controller(Protocol):
     """The policy of one robot: observation in, command out.
 
-    Three further attributes are optional. ``trace``, a mapping of names to numbers, the same names at every step, is
+    Four further attributes are optional. ``trace``, a mapping of names to numbers, the same names at every step, is
     read after each ``act`` and kept with the trajectory; its ``heading_error_rad``, if there is one, is what the
     metric ``heading_ise`` integrates. ``sensor_roles``, a tuple of names, is the sensor layout that the controller
-    needs; a run with another one is refused. ``trace_words``, a mapping of a trace's name to what its values 0, 1, ...
-    are called, is what a report's page tells of an instant; an empty word is not told.
+    needs, and ``sensor_kind``, an ``AnyRing``, a kind of layout; a run with another one is refused. ``trace_words``, a
+    mapping of a trace's name to what its values 0, 1, ... are called, is what a report's page tells of an instant; an
+    empty word is not told.
     """
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:

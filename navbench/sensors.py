@@ -1,7 +1,9 @@
 """What a controller may know: a ring of range sensors, odometry, a tracker of discs."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -15,6 +17,7 @@ from navbench.validation import (
     Number,
     Positive,
     Probability,
+    describe,
 )
 
 RAYS_MAX = 10_000  # of a suite: more are a slip
@@ -43,6 +46,46 @@ class Mount:
     max_range_m: Positive | None = None
     cone_half_angle_rad: NonNegative | None = None
     rays: Count | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class Ring:
+    """Range sensors at even steps, instead of a list of mounts: a ring on the rim, or a lidar, whose rays meet in it.
+
+    Attributes:
+        count: how many; their roles are ray_0, ray_1, ..., from the right to the left.
+        fov_deg: the angle between the first and the last one [degrees]; of 360 ray_0 looks back, and the last one
+            stands a step before it.
+        radius_m: how far from ``x_m`` and ``y_m`` they stand, in the direction in which they look [m]; 0: a lidar.
+        heading_deg: where the middle of the field lies, positive to the left [degrees].
+        x_m: forward of the robot's centre [m].
+        y_m: left of the robot's centre [m].
+    """
+
+    count: Annotated[Count, Field(le=RAYS_MAX)]
+    fov_deg: Annotated[Positive, Field(le=360.0)]
+    radius_m: NonNegative
+    heading_deg: Number = 0.0
+    x_m: Number = 0.0
+    y_m: Number = 0.0
+
+    def mounts(self) -> tuple[Mount, ...]:
+        """Return the sensors, the same to the left as to the right of the middle, to the last bit."""
+        middle, steps = (
+            (self.count / 2, self.count) if self.fov_deg == 360.0 else ((self.count - 1) / 2, self.count - 1)
+        )
+        step = math.radians(self.fov_deg) / max(steps, 1)
+        middle_rad = math.radians(self.heading_deg)
+        headings = [math.remainder((i - middle) * step + middle_rad, math.tau) for i in range(self.count)]
+        return tuple(
+            Mount(
+                role=f"ray_{i}",
+                x_m=self.x_m + self.radius_m * math.cos(heading),
+                y_m=self.y_m + self.radius_m * math.sin(heading),
+                heading_rad=heading,
+            )
+            for i, heading in enumerate(headings)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -170,3 +213,19 @@ class Sensors:
             )
             for mount in self.complete_mounts()
         )
+
+
+def suite_of(values: Mapping[str, Any]) -> Sensors:
+    """Return a suite from its plain values, in which ``ring`` may stand for the mounts.
+
+    Raises:
+        DescriptionError: one line that names the key, its value and what is allowed.
+    """
+    ring, values = values.get("ring"), {key: value for key, value in values.items() if key != "ring"}
+    if ring is None:
+        return describe(Sensors, values, "sensors")
+    if not isinstance(ring, Mapping):
+        raise DescriptionError(f"sensors.ring={ring!r}: must be a mapping")
+    if values.get("mounts"):
+        raise DescriptionError("sensors.mounts: must be empty, because sensors.ring places all range sensors")
+    return describe(Sensors, {**values, "mounts": describe(Ring, ring, "sensors.ring").mounts()}, "sensors")

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
-from navbench.contract import Controller
+from navbench.contract import AnyRing, Controller
 from navbench.importing import import_named
 from navbench.raised import one_line, own_line
 from navbench.records import Names
@@ -36,7 +36,8 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
         DescriptionError: one line that names the key, its value and what is allowed.
     """
     maker = maker_of("controller.build", build, CONTROLLER)
-    needed = getattr(made_by(maker, "controller.build", CONTROLLER), "sensor_roles", None)
+    controller = made_by(maker, "controller.build", CONTROLLER)
+    needed, kind = getattr(controller, "sensor_roles", None), getattr(controller, "sensor_kind", None)
     offered = tuple(mount.role for mount in sensors.mounts)
     if needed is not None and not (isinstance(needed, list | tuple) and all(isinstance(role, str) for role in needed)):
         raise DescriptionError(
@@ -48,6 +49,11 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
             f"{'the range sensors ' + ', '.join(needed) + ', in this order' if needed else 'no range sensors'}; "
             f"this suite has {_few(offered)}"
         )
+    if kind is not None and not isinstance(kind, AnyRing):
+        raise DescriptionError(f"controller.build._target_={build['_target_']}: its sensor_kind must be an AnyRing")
+    lack = kind.lack(sensors.range_sensors()) if kind is not None else ""
+    if lack:
+        raise DescriptionError(f"sensors={names.sensors}: {names.controller} needs {kind}; {lack}")
     return maker
 
 

@@ -15,7 +15,7 @@ from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell
 from navbench.records import Names
 from navbench.robot import Robot
-from navbench.sensors import Sensors
+from navbench.sensors import suite_of
 from navbench.simulation.motion import SUBSTEP_RADII
 from navbench.sources import check_sources
 from navbench.validation import DescriptionError, describe
@@ -64,7 +64,9 @@ def cell_of(run: Composed) -> Cell:
     groups["controller"] = without(controller, "tunable", "repair")  # they are a tuning's
     world, groups["world"] = world_of(groups["world"], names.world)
     robot = describe(Robot, groups["robot"], "robot")
-    sensors = describe(Sensors, groups["sensors"], "sensors")
+    sensors = suite_of(groups["sensors"])
+    if groups["sensors"].get("ring") is None:  # without one, results are called as before there were any
+        groups["sensors"] = without(groups["sensors"], "ring")
     simulator = simulator_class(groups["simulator"].get("_target_"))
     options = describe(simulator.Options, without(groups["simulator"], "_target_"), "simulator")
     groups["simulator"] = without(groups["simulator"], "gui")  # a window changes nothing that is measured

@@ -26,6 +26,10 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each
+  navbench new controller|world|robot|sensors|study NAME
+                                                    write a template of your own, which runs, with a test
+  navbench check controller=NAME                    hold a controller against the contract
+  navbench doctor                                   what works on this machine, and what to install
 
 keys of a run or sweep
   controller= world= robot= sensors= simulator=     choose a file of that group
@@ -44,12 +48,12 @@ options
   -m, --multirun                                    sweep over comma-separated values
   --config-dir DIR                                  add your own controllers, worlds and robots
   --cfg job                                         print the composed configuration and run nothing
-  --version, -h, --help                             also after tune, study, multiverse, report, verify and show
+  --version, -h, --help                             also after each verb
 
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
-VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show")
+VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show", "new", "check", "doctor")
 
 
 def main() -> None:
@@ -83,6 +87,10 @@ def _command(arguments: list[str]) -> int:
         print(f"navbench {__version__}")
     elif first == "list":
         return _list(arguments[1:])
+    elif first == "doctor":
+        from navbench.cli.doctor import doctor
+
+        return doctor(arguments[1:])  # which says what is missing, where the others could not even begin
     elif first in VERBS:
         return _verb(first, arguments[1:])
     elif "=" in first or first.startswith(("-", "~")):

@@ -93,6 +93,12 @@ def _world() -> type:
     return make_dataclass("World", source, bases=(schema_of(Layout, without=("bounds",)), own))
 
 
+def _sensors() -> type:
+    """Return a suite's schema, in which a ring may stand for the mounts."""
+    ring: list[tuple[str, Any, Any]] = [("ring", Any, None)]
+    return make_dataclass("Sensors", ring, bases=(schema_of(Sensors),))
+
+
 def _with_sources(schema: type) -> type:
     """Return a schema with the map of sources that a file may carry."""
     sources: Any = field(default_factory=dict)
@@ -111,6 +117,6 @@ def register() -> None:
     store.store(group="schema", name="tune", node=Tune)
     store.store(group="schema", name="robot", node=_with_sources(schema_of(Robot)))
     store.store(group="schema", name="world", node=_with_sources(_world()))
-    store.store(group="schema", name="sensors", node=_with_sources(schema_of(Sensors)))
+    store.store(group="schema", name="sensors", node=_with_sources(_sensors()))
     store.store(group="schema", name="simulator", node=_with_sources(_with_target(schema_of(SimulatorOptions))))
     OmegaConf.register_new_resolver("deg", math.radians, replace=True)

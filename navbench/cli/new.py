@@ -1,0 +1,96 @@
+"""A template of one's own: a commented configuration, code where it needs some, and a test; it runs as it is."""
+
+import importlib.util
+import keyword
+import os
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from string import Template
+
+import navbench
+from navbench.cli.catalogue import CONF
+from navbench.cli.words import sort_words
+from navbench.validation import DescriptionError, instead
+
+HELP = """navbench new controller|world|robot|sensors|study NAME: write a template that runs, to change into your own
+
+  --config-dir DIR                                  the folder of your configurations; default conf, made where missing
+
+It writes DIR/GROUP/NAME.yaml and test_GROUP_NAME.py, for a controller NAME.py as well, and prints how to run and to
+test them. What is there is never overwritten.
+"""
+RUN = {  # the words that run what was written
+    "controller": "controller=$name world=corner",
+    "world": "controller=sflc world=$name",
+    "robot": "controller=sflc world=empty robot=$name",
+    "sensors": "controller=dual_layer world=deadlock sensors=$name",
+    "study": "study $name",
+}
+TEMPLATES = Path(navbench.__file__).parent / "templates"
+
+
+def new(arguments: Sequence[str]) -> int:
+    """Write the files of one template and print how to run them."""
+    words = sort_words(arguments)
+    if words.overrides or len(words.names) != 2 or words.names[0] not in RUN:
+        given = words.names[0] if words.names else ""
+        which = instead(given, RUN, "there are") if given not in RUN else f"such as `navbench new {given} mine`"
+        raise DescriptionError(f"{' '.join(['new', *words.names, *words.overrides])}: name a group and a name; {which}")
+    group, name = words.names
+    _check_name(group, name)
+    conf = words.config_dir or "conf"
+    fills = {"name": name, "Class": name.title().replace("_", ""), "conf": Path(os.path.relpath(conf)).as_posix()}
+    places = {"conf.yaml": Path(conf, group, f"{name}.yaml"), "code.py": Path(f"{name}.py")}
+    places["test.py"] = Path(f"test_{group}_{name}.py")
+    files = {TEMPLATES / group / f"{kind}.txt": place for kind, place in places.items()}
+    _write({place: _filled(file, fills) for file, place in files.items() if file.is_file()})
+    navbench_in = f"navbench --config-dir {shlex.quote(conf)}"
+    print(f"run it:    {navbench_in} {Template(RUN[group]).substitute(fills)}")
+    if group == "controller":
+        print(f"check it:  {navbench_in} check controller={name}")
+    print(f"test it:   python -m pytest {places['test.py']}")
+    return 0
+
+
+def _check_name(group: str, name: str) -> None:
+    """Check that a name is free, and that Python, Hydra and every file system take it."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
+        raise DescriptionError(
+            f"{name}: must be a Python name of small letters, digits and _ that begins with a letter"
+        )
+    if (CONF / group / f"{name}.yaml").exists():
+        raise DescriptionError(f"{name}: navbench has a {group} of that name; choose another one")
+    found = importlib.util.find_spec(name) if group == "controller" else None
+    if found is not None and not Path(f"{name}.py").exists():  # of which is said that it is there
+        raise DescriptionError(f"{name}: there is a Python module of that name; choose another one")
+
+
+def _filled(file: Path, fills: Mapping[str, str]) -> str:
+    return Template(file.read_text(encoding="utf-8")).substitute(fills)
+
+
+def _write(texts: Mapping[Path, str]) -> None:
+    """Write all files, or none of them, and print their names.
+
+    Raises:
+        DescriptionError: one of them is there already.
+        OSError: one cannot be written.
+    """
+    for place in texts:
+        if place.exists():
+            raise DescriptionError(f"{place}: is there already; choose another name")
+    written: list[Path] = []
+    try:
+        for place, text in texts.items():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            with place.open("x", encoding="utf-8", newline="\n") as file:
+                written.append(place)
+                file.write(text)
+    except BaseException:  # of an interrupt, too
+        for place in written:
+            place.unlink()
+        raise
+    for place in texts:
+        print(f"wrote:     {place}")
