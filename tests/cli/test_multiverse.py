@@ -25,8 +25,10 @@ STUDY = """
 title: "tiny: a straight line"
 summary: A robot drives 1.95 m; its speed is anything between 0.1 and a third of a metre a second.
 cells:
-  - {name: line, label: rule, overrides: [controller=go_to_goal, world=line]}
-  - {name: set, label: rule, overrides: [controller=go_to_goal, world=line, controller.build.speed_mps=0.195]}
+  - {name: line, label: rule, overrides: [controller=go_to_goal, world=line, simulator=planar]}
+  - name: set
+    label: rule
+    overrides: [controller=go_to_goal, world=line, simulator=planar, controller.build.speed_mps=0.195]
 claims:
   time: {says: it takes 10 s, printed: 10.0 s, within: 2.0 s, measure: median, of: {metric: time_s, cell: line}}
   time-set: {says: it takes 10 s, printed: 10.0 s, within: 0.1 s, measure: median, of: {metric: time_s, cell: set}}
@@ -88,6 +90,15 @@ def test_what_a_cell_sets_itself_stays_and_what_it_does_not_moves(folder: Path) 
     assert times == pytest.approx([1.95 / LOW, 1.95 / HIGH], rel=5e-3)  # and what it takes to reach its speed
     assert [told.codes[names.index("time-set")] for told in ends] == [HOLDS, HOLDS]
     assert [told.codes[names.index("time")] for told in ends] == [FAILS, FAILS]
+
+
+def test_the_study_s_own_reconstruction_says_what_the_study_does(command: Command, folder: Path) -> None:
+    assert command("study", "tiny", "workers=1", "--config-dir", "conf").code == 0
+    stored: dict[Any, Any] = pd.read_csv("results/tiny/claims.csv").set_index("id")["measured"].to_dict()
+    of = reconstructions_of("tiny", folder, "conf")
+    told = dict(zip((entry.name for entry in of.claims), of.tell(None).values.tolist(), strict=True))
+    assert {name: told[name] for name in stored} == pytest.approx(stored, rel=1e-12)
+    assert of.unmeasured() == {}
 
 
 def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path) -> None:
