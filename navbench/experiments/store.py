@@ -13,7 +13,7 @@ from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments import parts
+import navbench.experiments.parts as parts
 from navbench.experiments.files import OPEN, discard_empty, is_whole, keep, replacing, sealed
 from navbench.experiments.manifest import is_other_work, manifest_of, now
 from navbench.experiments.parts import BESIDE, CODE, KINDS, TUNING
