@@ -19,9 +19,9 @@ from navbench.experiments.manifest import is_other_work, manifest_of, now
 from navbench.experiments.parts import BESIDE, CODE, KINDS, TUNING
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
 from navbench.experiments.schema import EPISODES_MAX, LONGEST, read_manifest
+from navbench.experiments.schema import ResultsError as ResultsError
 from navbench.reading import bounded
 from navbench.records import CellKey, RobotRecord, TuningKey
-from navbench.validation import DescriptionError
 from navbench.world.layout import layout_id
 
 if TYPE_CHECKING:
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 MANIFEST = "manifest.json"
 OTHERWISE = "choose another directory, or --overwrite removes them"
 PART = re.compile(r"part-(.+)-(\d{1,9})-(\d{1,9})\.parquet")
-
-
-class ResultsError(DescriptionError):
-    """A results directory that cannot be read or must not be written to."""
 
 
 class Results:
