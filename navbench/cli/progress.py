@@ -7,14 +7,14 @@ from contextlib import contextmanager
 from textwrap import shorten
 from typing import Any, NamedTuple
 
-from navbench.reading import printable
-
 EVERY_S = 10.0  # between two lines of a log
 UNFINISHED = 3  # the exit code where something that was asked for is not there
 
 
 def complain(message: str) -> int:
     """Print what is wrong as one line, and return the exit code of wrong input."""
+    from navbench.reading import printable
+
     print(printable(f"navbench: {shorten(message, 400, placeholder=' ...')}"), file=sys.stderr)
     return 2
 

@@ -78,26 +78,28 @@ def _episodes(results: "Results", manifest: Mapping[str, Any], sound: Sequence[s
     """Yield which episodes are missing of each cell, which are not planned, and what is missing beside them."""
     from navbench.experiments.store import episodes_of
 
-    planned: dict[str, set[int]] = {}
+    planned: dict[str, set[range]] = {}
     told = {}
     for cell in manifest["cells"]:
         indices = range(cell["first_episode"], cell["first_episode"] + cell["episodes"])
-        planned.setdefault(cell["run_id"], set()).update(indices)
+        planned.setdefault(cell["run_id"], set()).add(indices)
         told[cell["run_id"]] = f"{cell['label']} in {cell['world']}, seed {cell['seed']}"
-    for name in sound:
-        run_id, episodes = episodes_of(name)
-        if not planned.get(run_id, set()).issuperset(episodes) or not episodes:
-            yield f"episodes/{name}: not planned"
-        yield from (f"{one}: missing" for one in results.lacking(name))
     there: dict[str, set[int]] = {}
     for name in sound:
-        there.setdefault(episodes_of(name)[0], set()).update(episodes_of(name)[1])
-    for run_id, wanted in planned.items():
-        missing = wanted - there.get(run_id, set())
-        if missing:
+        run_id, episodes = episodes_of(name)
+        there.setdefault(run_id, set()).update(episodes)
+        if run_id not in planned or not episodes:
+            yield f"episodes/{name}: not planned"
+        yield from (f"{one}: missing" for one in results.lacking(name))
+    count = 0
+    for run_id, ranges in planned.items():
+        wanted, found = set().union(*ranges), there.get(run_id, set())
+        count += len(wanted)
+        if missing := wanted - found:
             yield f"{told[run_id]}: {len(missing)} of {len(wanted)} episodes missing, the first is {min(missing)}"
-    count = sum(map(len, planned.values()))
-    if count < manifest["planned"]["episodes"] and any(tuning for tuning in manifest["tunings"]):
+        if more := found - wanted:
+            yield f"{told[run_id]}: {len(more)} episodes not planned, the first is {min(more)}"
+    if manifest["tunings"] and count < manifest["planned"]["episodes"]:
         yield f"{manifest['planned']['episodes'] - count} planned episodes wait for their tuning"
 
 

@@ -27,6 +27,10 @@ Sources = Mapping[str, Mapping[str, Values] | None]
 Claims = Mapping[str, Values] | None
 
 
+class ResultsError(DescriptionError):
+    """A results directory that cannot be read or must not be written to."""
+
+
 class _Form(BaseModel):
     model_config = ConfigDict(strict=True)
 
@@ -121,22 +125,22 @@ def read_manifest(file: Path) -> dict[str, Any]:
     """Return what a manifest says, as plain values.
 
     Raises:
-        DescriptionError: it is none, of another version of the format, or wrong; the message names the key.
+        ResultsError: it is none, of another version of the format, or wrong; the message names the key.
     """
     data = bounded(file, LONGEST)
     try:
         manifest: dict[str, Any] = json.loads(data)
         found = manifest["schema_version"]
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise DescriptionError(f"{file}: is no manifest of navbench") from None
+        raise ResultsError(f"{file}: is no manifest of navbench") from None
     if found != SCHEMA_VERSION:
-        raise DescriptionError(f"{file}: schema_version={found}, but this navbench reads {SCHEMA_VERSION}")
+        raise ResultsError(f"{file}: schema_version={found}, but this navbench reads {SCHEMA_VERSION}")
     try:
         _Manifest.model_validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
         said = first["msg"].replace("Input should be", "must be").removeprefix("Value error, ")
-        raise DescriptionError(f"{file}: {place.lstrip('.')}: {said}") from None
+        raise ResultsError(f"{file}: {place.lstrip('.')}: {said}") from None
     manifest.pop("seal", None)
     return manifest

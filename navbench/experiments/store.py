@@ -13,15 +13,15 @@ from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments import parts
+import navbench.experiments.parts as parts
 from navbench.experiments.files import OPEN, discard_empty, is_whole, keep, replacing, sealed
 from navbench.experiments.manifest import is_other_work, manifest_of, now
 from navbench.experiments.parts import BESIDE, CODE, KINDS, TUNING
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
-from navbench.experiments.schema import LONGEST, read_manifest
+from navbench.experiments.schema import EPISODES_MAX, LONGEST, read_manifest
+from navbench.experiments.schema import ResultsError as ResultsError
 from navbench.reading import bounded
 from navbench.records import CellKey, RobotRecord, TuningKey
-from navbench.validation import DescriptionError
 from navbench.world.layout import layout_id
 
 if TYPE_CHECKING:
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 MANIFEST = "manifest.json"
 OTHERWISE = "choose another directory, or --overwrite removes them"
 PART = re.compile(r"part-(.+)-(\d{1,9})-(\d{1,9})\.parquet")
-
-
-class ResultsError(DescriptionError):
-    """A results directory that cannot be read or must not be written to."""
 
 
 class Results:
@@ -371,7 +367,8 @@ def batch_name(cell: CellKey, episodes: range) -> str:
 def episodes_of(name: str) -> tuple[str, range]:
     """Return the run and the episodes of a part by its name; no episodes where it is not named so."""
     found = PART.fullmatch(name)
-    return (found[1], range(int(found[2]), int(found[3]) + 1)) if found else (name, range(0))
+    episodes = range(int(found[2]), int(found[3]) + 1) if found else range(0)
+    return (found[1], episodes) if found and len(episodes) <= EPISODES_MAX else (name, range(0))
 
 
 def tuning_name(tuning: TuningKey) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from navbench.analysis.evidence import EVIDENCE
 from navbench.analysis.verdicts import CHECK_VERDICTS, COLUMNS, HYPOTHESIS_VERDICTS, VERDICTS
@@ -116,16 +116,24 @@ def read_study(path: Path) -> Found:
     """
     file = path / "findings.json"
     try:
-        told = _Findings.model_validate_json(bounded(file, LONGEST))
-    except ValidationError:
+        told = _Findings.model_validate_json(bounded(file, LONGEST)).model_dump()
+        found = Found(
+            path.name,
+            told["title"],
+            told["summary"],
+            [finding["text"] for finding in told["findings"]],
+            told["errata"],
+            read_claims(path / "claims.csv").query("kind == 'claim'"),
+            read_shares(path / MULTIVERSE),
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        if isinstance(error, DescriptionError):
+            raise
         again = f"navbench report outputs/study/{path.name}"
         raise DescriptionError(f"{file}: not of a study's report, or of an older one; write it by {again}") from None
     if not (path / "report.md").is_file():
         raise DescriptionError(f"{path / 'report.md'}: missing")
-    claims = read_claims(path / "claims.csv").query("kind == 'claim'")
-    sentences = [finding.text for finding in told.findings]
-    errata = [one.model_dump() for one in told.errata]
-    return Found(path.name, told.title, told.summary, sentences, errata, claims, read_shares(path / MULTIVERSE))
+    return found
 
 
 def read_claims(file: Path) -> "pd.DataFrame":

@@ -170,7 +170,7 @@ def _small(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
     Of the code of parts there is only what is not that of the last run.
     """
-    kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended")}
+    kept = {key: value for key, value in manifest.items() if key not in ("study", "began", "ended", "checksums")}
     codes = {name: of for name, of in manifest.get("codes", {}).items() if not of.items() <= manifest["code"].items()}
     return {
         **kept,
