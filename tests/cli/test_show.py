@@ -47,7 +47,7 @@ def here(tmp_path: Path) -> Path:
         (("one", "episode=3"), "A-plain-episode-3.png", "A in plain, episode 3"),
         (("one", "episode=3", "robot=0"), "A-plain-episode-3-robot-0.png", "A in plain, episode 3, robot 0"),
         (("well",), "A-plain-episode-0.png", "A in plain, episode 0: no failure in 2 episodes; this is the first"),
-        (("undrawn",), "A-plain-episode-1.png", "A in plain, episode 1: the only failed episode, of 1"),
+        (("undrawn",), "A-plain-episode-1.png", "A in plain, episode 1"),
         (("two", "label=B"), "B-plain-episode-0.png", "B in plain, episode 0"),
         (("two", "run_id=b-pl", "out=pictures/b.svg"), "pictures/b.svg", "B in plain, episode 0"),
     ],
@@ -219,9 +219,8 @@ def test_a_picture_of_a_large_sweep_shows_the_cells_with_failures_first_and_says
     assert kept[0]._suptitle.get_text() == told  # type: ignore[attr-defined]
     drawn = [ax for ax in kept[0].axes if ax.axison]
     legends = [ax.get_legend() for ax in drawn]
-    assert [legend.get_texts()[0].get_text() for legend in legends if legend] == ["timed out: 1"] * 3 + [
-        "reached: 1"
-    ] * 27
+    heads = [legend.get_texts()[0].get_text() for legend in legends if legend]
+    assert heads == ["timed out: 1"] * 2 + ["reached: 1"] * 2
 
 
 def test_of_more_failures_than_a_picture_holds_some_are_taken_evenly(tmp_path: Path) -> None:
