@@ -20,7 +20,7 @@ from navbench.cli.shown import draw_named
 from navbench.experiments.store import Results
 from navbench.records import RobotRecord
 from navbench.report import figures
-from navbench.report.controllers import draw_rules, fuzzy_parts
+from navbench.report.controllers import draw_controller, draw_rules, fuzzy_parts
 from navbench.report.sampling import sample_of
 
 
@@ -165,6 +165,22 @@ def test_a_controller_without_fuzzy_parts_shows_its_parameters_with_their_source
     words = [text.get_text() for ax in figure.axes for text in ax.texts]
     assert words[words.index("speed_mps") : words.index("speed_mps") + 3] == ["speed_mps", "0.2", "assumed"]
     assert (stem, says) == ("controller go_to_goal", "controller go_to_goal with sensors ring16")
+
+
+def test_what_a_controller_describes_is_drawn_where_it_holds_no_rule_base() -> None:
+    class Mine:
+        def describe(self) -> dict[str, Any]:
+            corners = {"variable": ["d"] * 4, "term": ["near"] * 2 + ["far"] * 2}
+            sets = {**corners, "x": [0.0, 2.0, 1.0, 3.0], "degree": [1.0, 0.0, 0.0, 1.0]}
+            return {"memberships": sets, "rules": {"d": ["near"], "v": ["slow"]}, "count": {"rules": [1]}}
+
+    robot, sensors = compose_cell("controller=sflc").robot, compose_cell("controller=sflc").sensors
+    figure = draw_controller("mine", Mine(), robot, sensors, [("gain", "2", "")])
+    sets, rules, *_, parameters = figure.axes
+    assert sets.get_xlim() == (0.0, 3.0)
+    assert [text.get_text() for text in rules.texts] == ["d", "v", "near", "slow"]
+    assert [text.get_text() for text in parameters.texts] == ["gain", "2", ""]
+    assert len(figure.axes) == 5  # and where its sensors sit and look
 
 
 @pytest.mark.parametrize(("words", "rays", "names"), [(("sensors=khepera3_ir",), 27, 9), (("sensors=ring45",), 45, 45)])
