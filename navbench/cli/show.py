@@ -161,11 +161,13 @@ def _episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
     driven = [episode for episode in there if episode not in undrawn.index]
     if not driven:
         raise DescriptionError(f"no layout could be drawn in any episode: {undrawn.iloc[0]}")
+    if len(driven) == 1:
+        return driven[0], ""
     failed = sorted(rows[~rows["outcome"].isin(["reached", "no_layout"])]["episode"].unique().tolist())
     if failed:
         which = f"the first of {len(failed)} failed episodes" if len(failed) > 1 else "the only failed episode"
         return failed[0], f"{which}, of {len(driven)}"
-    return driven[0], f"no failure in {len(driven)} episode{'s' * (len(driven) > 1)}; this is the first"
+    return driven[0], f"no failure in {len(driven)} episodes; this is the first"
 
 
 def _spans(numbers: Sequence[int]) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +37,15 @@ def draw_controller(
 
     Args:
         title: what stands above it.
-        controller: the controller; what it holds of ``FuzzyInference`` is drawn.
+        controller: the controller; what it holds of ``FuzzyInference`` is drawn, or else what it describes.
         robot: its robot.
         sensors: its sensors, as drawn.
         parameters: each parameter's name, its value, and where it comes from; listed where nothing is fuzzy.
     """
     parts = dict(fuzzy_parts(controller))
     blocks = [block for name, part in parts.items() for block in _blocks_of(name, part)]
+    if not parts and hasattr(controller, "describe"):
+        blocks += _described_blocks(controller.describe())
     blocks.append(ring_block(sensors.scaled_to(robot.radius_m), robot.track_m))
     if not parts and parameters:
         blocks.append(
@@ -75,6 +77,25 @@ def _blocks_of(name: str, part: FuzzyInference) -> list[Block]:
         Block(f"{called}: fuzzy sets", sets, min(columns, len(sets)), 1.9),
         Block(f"{called}: control surface{held}, and rules", answers, 2, height),
     ]
+
+
+def _described_blocks(tables: Mapping[str, Mapping[str, Sequence[Any]]]) -> list[Block]:
+    """Return the fuzzy sets and the rules that a controller tells of itself without a ``FuzzyInference``."""
+    import pandas as pd
+
+    blocks = []
+    for name, columns in tables.items():
+        table = pd.DataFrame(dict(columns))
+        if {"variable", "term", "x", "degree"} <= {*columns}:
+            sets: list[Draw] = []
+            for variable, of in table.groupby("variable", sort=False):
+                axis = {"title": variable, "low": of["x"].min(), "high": of["x"].max()}
+                sets.append(partial(draw_sets, sets=of, axis=axis))
+            blocks.append(Block(name, sets, min(2, len(sets)), 1.9))
+        elif len(table) and all(isinstance(word, str) for word in table.to_numpy().ravel()):
+            rows = [list(table.columns), *table.to_numpy().tolist()]
+            blocks.append(Block(name, [partial(draw_table, rows=rows)], 1, LINE_INCHES * (len(rows) + 2)))
+    return blocks
 
 
 def _distinct(variables: Mapping[str, Variable]) -> dict[str, Variable]:
@@ -160,5 +181,5 @@ def draw_table(ax: "Axes", rows: Sequence[Sequence[str]]) -> None:
     ax.set_axis_off()
     for i, row in enumerate(rows):
         y = 1.0 - (i + 0.5) / len(rows)
-        for x, word in zip((0.0, 0.33, 0.62), row, strict=False):
-            ax.text(x, y, word, transform=ax.transAxes, fontsize=8, va="center", parse_math=False)
+        for j, word in enumerate(row):
+            ax.text(j / len(row), y, word, transform=ax.transAxes, fontsize=8, va="center", parse_math=False)

@@ -128,6 +128,7 @@ def write_beside(
         trajectories: the trajectories.
         radius_m: of what stands around each place [m].
     """
+    from matplotlib.path import Path
     from matplotlib.patheffects import Stroke
 
     figure: Any = ax.figure
@@ -150,7 +151,9 @@ def write_beside(
             if max(rooms) >= CLEAR_POINTS * point:
                 break
         offset = offsets[int(np.argmax(rooms))]
-        taken = np.concatenate([taken, _covered(place + offset, width, point)])
+        covered = _covered(place + offset, width, point)
+        taken = np.concatenate([taken, covered])
+        solid.append(Path(covered[[0, 4, 14, 10]]))  # no other word begins between its points
         look: dict[str, Any] = {
             "textcoords": "offset points",
             "ha": "center",

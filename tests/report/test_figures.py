@@ -18,7 +18,7 @@ from navbench.report import page
 from navbench.report.described import memberships
 from navbench.report.drawing import sparse
 from navbench.report.figures import LINES_MAX, draw_cells, panel_of
-from navbench.report.paths import cut, number_places
+from navbench.report.paths import Word, cut, number_places, write_beside
 from navbench.report.trajectories import chatter, time_series
 
 HERE = {"label": "A"}
@@ -141,6 +141,20 @@ def test_a_number_stands_beside_its_way_within_the_frame() -> None:
         assert not any(box.contains(*point) for point in points)
         assert ax.bbox.contains(*box.min)
         assert ax.bbox.contains(*box.max)
+
+
+def test_words_beside_places_that_crowd_cover_no_other() -> None:
+    figure = Figure(layout="constrained")
+    ax = figure.subplots()
+    ax.set(aspect="equal", xlim=(-10.0, 10.0), ylim=(-10.0, 10.0))
+    places = [(0.6 * i, 0.2 * j) for i in range(5) for j in range(2)]
+    nothing = pd.DataFrame(places, columns=["x_m", "y_m"])
+    write_beside(ax, [Word(place, f"R{10 + i}") for i, place in enumerate(places)], [nothing])
+    figure.draw_without_rendering()
+    boxes = {text.get_text(): text.get_window_extent() for text in ax.texts}
+    inner = [box.padded(-3.0) for box in boxes.values()]  # a text's box is higher than its letters
+    assert len(inner) == 10
+    assert not any(one.overlaps(other) for i, one in enumerate(inner) for other in inner[:i])
 
 
 def test_fuzzy_sets_go_round_a_circle_and_on_where_their_variable_saturates(tmp_path: Path, kept: list[Figure]) -> None:
