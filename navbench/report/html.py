@@ -11,7 +11,6 @@ import html
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -46,27 +45,21 @@ def render(document: Document, out: Path, played: Playback | None = None) -> str
         played: the episodes that the page plays.
     """
     parts = _parts(document.blocks)
-    style, script = (files(__package__).joinpath(f"web/page.{kind}").read_text("utf-8") for kind in ("css", "js"))
+    script = _file("js")
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    first = [part for part in parts if any(isinstance(block, Finding) for block in part["blocks"])]
+    finds = [any(isinstance(block, Finding) for block in part["blocks"]) for part in parts]
     return _template(out).render(
         title=document.title,
         summary=document.summary,
-        first=first,
-        rest=[part for part in parts if part not in first],
+        first=[part for part, is_first in zip(parts, finds, strict=True) if is_first],
+        rest=[part for part, is_first in zip(parts, finds, strict=True) if not is_first],
         verdicts=_verdicts(document.blocks),
-        errata=len(document.errata),
         played=played,
         colours=PALETTE,
-        style=style,
+        style=_file("css"),
         script=script,
         allowed=allowed,
     )
-
-
-@cache
-def _template_source() -> str:
-    return files(__package__).joinpath("web/page.html").read_text("utf-8")
 
 
 def _template(out: Path) -> "Template":
@@ -76,7 +69,11 @@ def _template(out: Path) -> "Template":
     environment.filters |= {"marked": marked, "table": _table, "slug": slug, "figure": _figure, "page": _page}
     environment.filters["picture"] = lambda file: _picture(out / file)
     environment.tests["block"] = lambda block, name: type(block).__name__ == name
-    return environment.from_string(_template_source())
+    return environment.from_string(_file("html"))
+
+
+def _file(kind: str) -> str:
+    return files(__package__).joinpath(f"web/page.{kind}").read_text("utf-8")
 
 
 def marked(text: str) -> Any:

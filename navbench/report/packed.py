@@ -112,4 +112,4 @@ def _differences(values: NDArray[np.float64]) -> NDArray[np.int32]:
 
 
 def _packed(data: bytes) -> str:
-    return base64.b64encode(zlib.compress(data, 9)).decode()
+    return base64.b64encode(zlib.compress(data)).decode()

@@ -79,8 +79,12 @@ def page_of(stored: StoredResults, out: Path) -> str:
     return (out / "report.html").read_text("utf-8")
 
 
-def test_a_page_of_200_trajectories_is_one_file_of_at_most_2_mb(many: StoredResults, tmp_path: Path) -> None:
-    page = page_of(many, tmp_path)
+@pytest.fixture(scope="module")
+def page(many: StoredResults, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return page_of(many, tmp_path_factory.mktemp("page"))
+
+
+def test_a_page_of_200_trajectories_is_one_file_of_at_most_2_mb(page: str) -> None:
     assert len(page.encode()) <= 2_000_000
     data = Read(page).data
     assert len(data["episodes"]) == TRAJECTORIES
@@ -142,8 +146,7 @@ def test_what_users_wrote_stays_text_in_the_page(tmp_path: Path) -> None:
     assert "49" not in read.text[read.text.index("<img src=x") :][: len(HOSTILE)]
 
 
-def test_a_page_needs_nothing_beside_itself_and_runs_no_other_script(many: StoredResults, tmp_path: Path) -> None:
-    page = page_of(many, tmp_path)
+def test_a_page_needs_nothing_beside_itself_and_runs_no_other_script(page: str) -> None:
     read = Read(page)
     assert not [tag for tag, _ in read.elements if tag in ("link", "iframe", "object", "embed", "base", "form")]
     assert not re.search(
@@ -156,8 +159,8 @@ def test_a_page_needs_nothing_beside_itself_and_runs_no_other_script(many: Store
     assert policy.startswith("default-src 'none'")
 
 
-def test_a_page_is_the_same_bytes_again(many: StoredResults, tmp_path: Path) -> None:
-    assert page_of(many, tmp_path / "a") == page_of(StoredResults(many.results), tmp_path / "b")
+def test_a_page_is_the_same_bytes_again(many: StoredResults, page: str, tmp_path: Path) -> None:
+    assert page_of(StoredResults(many.results), tmp_path) == page
 
 
 def test_findings_stand_before_all_else_and_tables_keep_their_intervals(tmp_path: Path) -> None:
