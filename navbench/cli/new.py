@@ -17,6 +17,7 @@ from navbench.validation import DescriptionError, instead
 HELP = """navbench new controller|world|robot|sensors|study NAME: write a template that runs, to change into your own
 
   --config-dir DIR                                  the folder of your configurations; default conf, made where missing
+  compiled=true                                     a controller as a compiled policy: ten times as fast in planar
 
 It writes DIR/GROUP/NAME.yaml and test_GROUP_NAME.py, for a controller NAME.py as well, and prints how to run and to
 test them. What is there is never overwritten.
@@ -34,7 +35,8 @@ TEMPLATES = Path(navbench.__file__).parent / "templates"
 def new(arguments: Sequence[str]) -> int:
     """Write the files of one template and print how to run them."""
     words = sort_words(arguments)
-    if words.overrides or len(words.names) != 2 or words.names[0] not in RUN:
+    compiled = words.overrides == ["compiled=true"] and words.names[:1] == ["controller"]
+    if (words.overrides and not compiled) or len(words.names) != 2 or words.names[0] not in RUN:
         given = words.names[0] if words.names else ""
         which = instead(given, RUN, "there are") if given not in RUN else f"such as `navbench new {given} mine`"
         raise DescriptionError(f"{' '.join(['new', *words.names, *words.overrides])}: name a group and a name; {which}")
@@ -42,7 +44,10 @@ def new(arguments: Sequence[str]) -> int:
     _check_name(group, name)
     conf = words.config_dir or "conf"
     fills = {"name": name, "Class": name.title().replace("_", ""), "conf": Path(os.path.relpath(conf)).as_posix()}
-    places = {"conf.yaml": Path(conf, group, f"{name}.yaml"), "code.py": Path(f"{name}.py")}
+    places = {
+        "conf.yaml": Path(conf, group, f"{name}.yaml"),
+        "compiled.py" if compiled else "code.py": Path(f"{name}.py"),
+    }
     places["test.py"] = Path(f"test_{group}_{name}.py")
     files = {TEMPLATES / group / f"{kind}.txt": place for kind, place in places.items()}
     _write({place: _filled(file, fills) for file, place in files.items() if file.is_file()})

@@ -26,11 +26,11 @@ def files_in(folder: Path) -> list[str]:
     return sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
 
 
-@pytest.mark.parametrize("group", WRITTEN)
+@pytest.mark.parametrize(("group", "more"), [*((group, ()) for group in WRITTEN), ("controller", ("compiled=true",))])
 def test_a_template_runs_with_the_printed_command_and_passes_its_own_test(
-    group: str, tmp_path: Path, command: Command
+    group: str, more: tuple[str, ...], tmp_path: Path, command: Command
 ) -> None:
-    done = command("new", group, "mine")
+    done = command("new", group, "mine", *more)
     assert done.code == 0, done.err
     assert files_in(tmp_path) == sorted(WRITTEN[group])
     printed = dict(re.findall(r"^(\w+) it: +(.*)$", done.out, re.M))
@@ -97,6 +97,8 @@ def test_a_file_that_cannot_be_written_leaves_none_behind(tmp_path: Path, comman
         (("world",), "new world: name a group and a name; such as `navbench new world mine`"),
         (("world", "a", "b"), "new world a b: name a group and a name; "),
         (("world", "mine", "robot=disc4"), "new world mine robot=disc4: name a group and a name; "),
+        (("world", "mine", "compiled=true"), "new world mine compiled=true: name a group and a name; "),
+        (("controller", "mine", "compiled=1"), "new controller mine compiled=1: name a group and a name; "),
         (("world", "3d"), "3d: must be a Python name of small letters, digits and _"),
         (("world", "../up"), "../up: must be a Python name"),
         (("world", "Ünder"), "Ünder: must be a Python name"),
