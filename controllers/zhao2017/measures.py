@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.estimates import median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.stored import StoredResults
 from navbench.analysis.traces import periods_of
 from navbench.mathematics.statistics import Estimate
@@ -66,6 +66,14 @@ def share_ever(
     if of_fleets:
         return share_of(rows.assign(held=held).groupby(["run_id", "episode"])["held"].any())
     return share_of(held)
+
+
+def in_some(
+    stored: StoredResults, holds: Bands, select: Select, passing: bool = False, of_fleets: bool = False
+) -> Estimate | None:
+    """Return 1 where some bands hold in some case, and 0 where in none; arguments as of ``share_ever``."""
+    found = share_ever(stored, holds, select, passing, of_fleets)
+    return None if found is None else exact(float(found.value > 0.0), found.n)
 
 
 def least_speed(stored: StoredResults, select: Select) -> Estimate | None:

@@ -35,7 +35,9 @@ class Claim:
         printed: the printed number with its unit and all its decimals, as ``37.10 s``; 0.30 means [0.295, 0.305).
         within: how far from it agrees: ``5 %`` of it, or a number in its unit.
         compare: with "distribution" a printed single run is held against the cases of a median: it agrees if it lies
-            in their central 90 %, and they are not testable where that is wider than the tolerance to both sides.
+            in their central 90 %, and they are not testable where that is wider than the tolerance to both sides. A
+            statement on a single run is not testable where it holds in more than 5 % of the cases, but not in as many
+            as it must: one run could have shown either.
         holds: of a statement in how many cases it must hold, of a hypothesis on which side of a number.
         practically_equal: of a hypothesis, what makes no difference: a number, or ``2 %`` of the other side's figure.
         measure: a function of ``navbench.analysis.measures``, or any by its dotted name; none where nothing compares.
@@ -60,8 +62,8 @@ class Claim:
             raise DescriptionError("must have either `printed` or `holds`")
         if (self.within is None) != (self.printed is None):
             raise DescriptionError("must have `within` beside `printed`, and only there")
-        if self.compare and self.printed is None:
-            raise DescriptionError("must have `compare` only beside `printed`")
+        if self.compare and self.printed is None and self.share is None:
+            raise DescriptionError("must have `compare` only beside `printed` or a share that `holds`")
         if self.plausible and self.measure is None:
             raise DescriptionError("must have `plausible` only beside `measure`")
         if self.printed is not None:

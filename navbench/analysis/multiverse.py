@@ -35,14 +35,14 @@ class Multiverse:
         admissible: what a reconstruction must do to count as one of the paper, in the form of claims that hold.
         implied: the claims that follow from that, whose shares are told over all reconstructions only.
         conditioned: on which printed numbers, or None.
-        together: the claims whose printed numbers are independent of each other, and are fitted together; all that
-            print one, where it names none.
+        together: the claims whose printed numbers are independent of each other, and are fitted together; None for
+            all that print one.
     """
 
     admissible: Mapping[str, Mapping[str, Any]]
     implied: tuple[str, ...] = ()
     conditioned: Conditioned | None = None
-    together: tuple[str, ...] = ()
+    together: tuple[str, ...] | None = None
 
 
 def multiverse_of(study: Mapping[str, Any], claims: Sequence[Entry]) -> Multiverse:
@@ -61,7 +61,7 @@ def multiverse_of(study: Mapping[str, Any], claims: Sequence[Entry]) -> Multiver
     found = describe(Multiverse, study["multiverse"], key)
     known = [entry.name for entry in claims]
     conditioned = found.conditioned or Conditioned(claims=(), within="0 %")
-    named = {"implied": found.implied, "together": found.together, "conditioned.claims": conditioned.claims}
+    named = {"implied": found.implied, "together": found.together or (), "conditioned.claims": conditioned.claims}
     for word, names in {**named, "conditioned.leave_out": conditioned.leave_out}.items():
         for name in names:
             if name not in known:

@@ -61,6 +61,8 @@ def verdict(claim: Claim, measured: Estimate | None, margin: float = 0.0, eviden
 def _compared(claim: Claim, measured: Estimate) -> tuple[str, str]:
     """Return the verdict on a number or statement, and its reason."""
     if claim.share is not None:
+        if claim.compare is not None and 0.5 * (1.0 - CENTRAL) < measured.value < claim.share:
+            return "not_testable", f"chaotic: it holds in {100.0 * measured.value:.0f} % of {measured.n} cases"
         return _graded(abs(measured.value - 1.0), round(1.0 - claim.share, 12)), ""
     printed, (size, unit) = quantity("printed", claim.printed)[0], quantity("within", claim.within)
     width = size / 100.0 * abs(printed) if unit == "%" else size
@@ -102,7 +104,7 @@ def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
     found = [_measured(stored, entry.claim, trust) for entry in of_study]
     told = list(zip(of_study, found, strict=True))
     evidence = evidence_of(
-        stored.manifest, {entry.name: of.used for entry, of in told if entry.kind == "claim" and of.figure is not None}
+        stored.manifest, {entry.name: of.used for entry, of in told if entry.kind in ("claim", "hypothesis") and of.figure is not None}
     )
     rows = [_row(entry, of, *evidence.get(entry.name, ("", ""))) for entry, of in told]
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -133,7 +135,7 @@ def figure_of(stored: StoredResults, claim: Claim, of: Mapping[str, Any], *, tru
         MeasureError: the measure fails, or has no distribution to compare with.
     """
     found = measure(stored, claim.measure or "", of, trust=trust)
-    if claim.compare is None or found is None:
+    if claim.compare is None or claim.share is not None or found is None:
         return found
     if not isinstance(found, Distribution):
         raise MeasureError(f"measure={claim.measure}: has no distribution to compare with; allowed: those of a median")

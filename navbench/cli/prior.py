@@ -134,7 +134,8 @@ def _choices(gains: Mapping[str, Mapping[int, Any]], claims: Iterable[Entry]) ->
         yield Choice("tunings.seed", "", "seed", seeds)
     for name, _, claim in claims:
         for word, values in (claim.plausible or {}).items():
-            yield Choice(f"{name}.{word}", name, word, ((claim.of or {}).get(word), *values))
+            if word != "cell":  # another cell is another reading, which the factors draw anyway
+                yield Choice(f"{name}.{word}", name, word, ((claim.of or {}).get(word), *values))
 
 
 def _in_planar(cells: Iterable[Cell], config_dir: str | Path | None) -> list[Cell]:

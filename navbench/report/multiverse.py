@@ -55,7 +55,7 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     """Write the report into a directory and return its files."""
     shares = shares_of(told.drawn, told.claims, told.multiverse)
     named = told.multiverse.together
-    best = fit(told.drawn, [one.claim for one in shares if not named or one.claim.name in named])
+    best = fit(told.drawn, [one.claim for one in shares if named is None or one.claim.name in named])
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
     if curved := _curved(shares):

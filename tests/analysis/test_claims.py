@@ -10,7 +10,7 @@ from navbench.analysis.claims import Claim, check_claims, entries
 from navbench.analysis.estimates import median_of
 from navbench.analysis.printed import band, limits, quantity
 from navbench.analysis.verdicts import COLUMNS, judged, verdict, verdicts_in
-from navbench.mathematics.statistics import Estimate
+from navbench.mathematics.statistics import Estimate, wilson
 from navbench.report.sections import check_section
 from navbench.validation import DescriptionError, describe
 
@@ -174,7 +174,7 @@ def test_a_claim_refuses_what_it_does_not_know(wrong: dict[str, Any], says: str)
     ("wrong", "says"),
     [
         ({"holds": "under 0"}, "holds=under 0: must be as `in 95 % of the cases`"),
-        ({"compare": "distribution"}, "`compare` only beside `printed`"),
+        ({"holds": "below 0", "compare": "distribution"}, "`compare` only beside `printed` or a share that `holds`"),
         ({"practically_equal": "-1 s"}, "practically_equal=-1 s: must be above 0"),
         (
             {"practically_equal": "2 %", "measure": "diference"},
@@ -282,6 +282,17 @@ def test_a_claim_tells_its_figure_over_what_is_plausible_and_whether_the_verdict
     table = judged(store(tmp_path, cells, {"name": "mine", "claims": claims})).set_index("id")
     assert table["hangs_on"].tolist() == ["partly at label=B; not reproduced at metric=path_length_m", ""]
     assert table[["plausible_low", "plausible_high"]].to_numpy().tolist() == [[3.0, 10.9], [10.0, 10.0]]
+
+
+@pytest.mark.parametrize(
+    ("held", "word"), [(96, "reproduced"), (94, "not_testable"), (40, "not_testable"), (5, "not_reproduced")]
+)
+def test_a_statement_on_a_single_run_is_refuted_only_where_hardly_any_case_shows_it(held: int, word: str) -> None:
+    values = {"says": "", "holds": "in 95 % of the cases", "compare": "distribution", "measure": "share_reached"}
+    measured = wilson(held, 100)
+    decided, reason = verdict(describe(Claim, values, "claim"), measured)
+    assert decided == word
+    assert reason == (f"chaotic: it holds in {held} % of 100 cases" if word == "not_testable" else "")
 
 
 def test_only_a_median_has_a_distribution_to_compare_with(tmp_path: Path) -> None:
