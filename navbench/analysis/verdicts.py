@@ -23,6 +23,7 @@ COLUMNS = (  # of claims.csv
 VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
 HYPOTHESIS_VERDICTS = ("supported", "contradicted", "practically_equal", "undecided")
 CHECK_VERDICTS = ("passed", "failed")
+COUNTED = ("claim", "hypothesis")  # of which it is told what an agreement is worth
 AGREES = {"reproduced": "agrees", "partly": "partly agrees", "not_reproduced": "does not agree"}
 FAILED = "not measured: "  # so begins the reason of a claim whose measure fails
 
@@ -104,7 +105,7 @@ def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
     found = [_measured(stored, entry.claim, trust) for entry in of_study]
     told = list(zip(of_study, found, strict=True))
     evidence = evidence_of(
-        stored.manifest, {entry.name: of.used for entry, of in told if entry.kind in ("claim", "hypothesis") and of.figure is not None}
+        stored.manifest, {entry.name: of.used for entry, of in told if entry.kind in COUNTED and of.figure is not None}
     )
     rows = [_row(entry, of, *evidence.get(entry.name, ("", ""))) for entry, of in told]
     return pd.DataFrame(rows, columns=COLUMNS)
