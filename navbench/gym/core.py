@@ -21,7 +21,7 @@ from navbench.world.world import Source, World
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-Observed = NDArray[np.float32] | dict[str, NDArray[np.float32]]
+Observed = Any  # float32: one vector, or a dict of its parts
 Form = Literal["flat", "dict"]
 
 BESIDE = ("goal", "velocity")  # two numbers each, after the ranges

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ def test_many_environments_step_as_each_alone(monkeypatch: pytest.MonkeyPatch) -
         for k in range(begin, end):
             if k > begin:
                 mine, *_, terminated, truncated, info = single.step(scripted(k))
-            assert all(np.array_equal(mine[name], history[k][name][1]) for name in ("ranges", "goal", "velocity"))  # type: ignore[call-overload]
+            assert all(np.array_equal(mine[name], history[k][name][1]) for name in ("ranges", "goal", "velocity"))
         assert terminated or truncated
         assert info["outcome"] in ("reached", "collided", "timed_out")
 
@@ -151,7 +152,7 @@ def test_rewards_add_up_to_what_the_documentation_says() -> None:
     seen, _ = env.reset()
     total, over = 0.0, False
     while not over:
-        goal = seen[-4:-2]  # type: ignore[index]
+        goal = seen[-4:-2]
         seen, reward, terminated, truncated, info = env.step(
             np.array([0.8, np.arctan2(goal[1], goal[0]) / 3], np.float32)
         )
@@ -197,6 +198,15 @@ def test_an_action_that_is_no_two_finite_numbers_is_refused(action: list[float])
     env.reset()
     with pytest.raises(ValueError, match="must be two finite numbers a robot"):
         env.step(np.array(action, np.float32))
+
+
+def test_the_lines_of_the_readme_run() -> None:
+    text = (Path(__file__).parents[2] / "README.md").read_text().split("## Learn a controller")[1]
+    lines: dict[str, Any] = {}
+    exec(text.split("```python")[1].split("```")[0], lines)
+    assert lines["observation"].shape == (20,)
+    assert lines["envs"].reset()[0].shape == (256, 20)
+    assert len(lines["fleet"].reset()[0]) == 10
 
 
 def test_without_gymnasium_the_package_says_what_to_install() -> None:
