@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from benchmarks.decomposition import decomposition
+from benchmarks.environments import environments
 from benchmarks.harness import Cell, Effort, Table
 from benchmarks.inference import inference
 from benchmarks.loops import closed_loop, shipped
@@ -24,6 +25,7 @@ from benchmarks.scaling import scaling, workers
 SECTIONS: dict[str, Callable[[Effort], Table]] = {
     "loop": closed_loop,
     "shipped": shipped,
+    "environments": environments,
     "inference": inference,
     "decomposition": decomposition,
     "rays": rays,
@@ -38,9 +40,9 @@ README = Path(__file__).with_name("README.md")
 QUICK = Effort(2, 0.001, is_quick=True)
 HEAD = """# Speed
 
-Written by `python -m benchmarks`, which measures this on your machine; `pip install -e '.[bench]'` brings the peers,
-and one that is missing is named as missing. `python -m benchmarks loop rays` measures two sections anew and leaves the
-others; `--rounds 15` narrows the intervals.
+Written by `python -m benchmarks`, which measures this on your machine; `pip install -e '.[bench,gym]'` brings the
+peers, and one that is missing is named as missing. `python -m benchmarks loop rays` measures two sections anew and
+leaves the others; `--rounds 15` narrows the intervals.
 
 Sides are measured in turn, in CPU seconds of the process; a speed is the median of the rounds, a ratio the median of
 the rounds' ratios with its 95 % bootstrap interval. Absolute speeds are those of one machine: compare ratios.

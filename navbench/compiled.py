@@ -33,7 +33,7 @@ from numba.core.dispatcher import Dispatcher
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _dumps: Callable[[Any], bytes] = serialize.dumps  # pickles what a closure and machine code hold
-ABOVE = ("experiments", "analysis", "report", "cli")  # floors that nothing compiled imports
+ABOVE = ("experiments", "analysis", "report", "cli", "gym")  # floors that nothing compiled imports
 FOLDERS_MAX = 40  # states of the sources whose machine code is kept, the last used ones
 
 
@@ -58,6 +58,11 @@ def compiled_for_vectors(function: Function) -> Function:
 def compiled_inline(function: Function) -> Function:
     """Compile a function into each of its callers, where handing over many arrays would take longer than its work."""
     return compiled(function, forceinline=True)
+
+
+def compiled_without_lock(function: Function) -> Function:
+    """Compile a function that lets other threads run Python meanwhile."""
+    return compiled(function, nogil=True)
 
 
 def direct(function: Function, *arguments: Any) -> Function:

@@ -38,6 +38,7 @@ FLOORS = {
     "analysis": 5,
     "report": 5,
     "cli": 6,
+    "gym": 6,
     "navbench": 6,  # the package itself, with the one function of its Python interface
 }
 MODULES = {

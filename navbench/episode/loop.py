@@ -1,32 +1,31 @@
 """One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
 
 import math
-import struct
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from operator import itemgetter
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.contract import Command, Controller, Observation, Pose, Setup, trace_of
+from navbench.contract import Command, Controller, Observation, Pose, Setup
 from navbench.episode.closed_loop import run_closed
-from navbench.episode.failures import ContractError, Failure, failure, measured, velocities, wrong_trace
+from navbench.episode.failures import Failure, failure, measured, velocities
 from navbench.episode.perception import Perception, Senses
+from navbench.episode.pilot import Pilot
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
 from navbench.mathematics.streams import stream
 from navbench.metrics import METRICS, MetricFunction, RobotRun, declared
 from navbench.policy import CompiledController
-from navbench.records import Outcome, RobotRecord, Thing
+from navbench.records import RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import RUNNING, STOPPED, RobotState
 from navbench.simulation.planar import PlanarSimulator
 from navbench.validation import DescriptionError
-from navbench.world.layout import Layout
+from navbench.world.layout import DrawnWorld, Layout
 from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
@@ -35,49 +34,11 @@ PERIODS_AT_ONCE = 512  # of a compiled loop whose errors are drawn beforehand
 PERIODS_MAX = 16384  # of any
 
 
-@dataclass(slots=True)
-class _Pilot:
-    """One robot's controller with its sensors, and what is kept of its trajectory."""
+class Drawn(NamedTuple):
+    """An episode's world, with its layout, and where its robots begin."""
 
-    controller: Controller
-    perception: Perception
-    rows: list[float] = field(default_factory=list)
-    states: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
-    traces: list[bytes] = field(default_factory=list)
-    trace_names: tuple[str, ...] | None = None
-    latencies_s: list[float] = field(default_factory=list)
-    outcome: Outcome = "timed_out"
-    failure: Failure = Failure()
-    hit: Thing | None = None
-    end_s: float = 0.0
-    _in_order: Callable[[Mapping[str, float]], tuple[float, ...]] = field(default=lambda _: ())
-    _packed: Callable[..., bytes] = bytes
-
-    def keep_trace(self) -> None:
-        """Keep the latest act's trace, packed: it is checked by packing and takes little room.
-
-        Raises:
-            ContractError: it is no mapping, its names are not those of the first act, or a value is no number.
-        """
-        if isinstance(self.controller, CompiledController):
-            self.trace_names = self.controller.policy.trace_names
-            self.traces.append(self.controller.policy.trace.tobytes())
-            return
-        trace = trace_of(self.controller)
-        if not trace and type(trace) is dict and not self.trace_names:
-            self.trace_names = ()
-            return
-        try:
-            if self.trace_names is None:
-                self.trace_names = names = tuple(trace)
-                self._packed = struct.Struct(f"{len(names)}d").pack
-                self._in_order = itemgetter(*names) if len(names) > 1 else lambda one: tuple(one[n] for n in names)
-            if len(trace) == len(self.trace_names):
-                self.traces.append(self._packed(*self._in_order(trace)))
-                return
-        except (AttributeError, KeyError, TypeError, struct.error):
-            pass  # said below
-        raise ContractError(wrong_trace(trace, self.trace_names or ()))
+    world: DrawnWorld
+    starts: list[Pose]
 
 
 class EpisodeRunner:
@@ -96,6 +57,15 @@ class EpisodeRunner:
         seed: the seed of all streams.
         jitter: of the starts.
         metrics: what is measured of each robot.
+
+    Attributes:
+        robots: how many robots drive.
+        period_s: the control period in the world [s].
+        periods: how many there are until the time limit.
+        time_limit_s: when an episode ends [s].
+        senses: the sensors.
+        setup: what a controller is told.
+        simulator: the simulator.
 
     Raises:
         DescriptionError: these do not fit together (see ``World.check_fits``).
@@ -121,13 +91,14 @@ class EpisodeRunner:
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
         self._converts = not self._similarity.identity
-        self._period_s = period_s(native, self._similarity)
+        self.period_s = period_s(native, self._similarity)
         source = world.source
         self._always = world.of(source) if isinstance(source, Layout) and type(source).draw is Layout.draw else None
-        self._poses: list[Pose] = []  # of a layout and starts that are always the same
-        self._senses = Senses.of(self._sensors, self._similarity, robot.track_m)
-        self._periods = math.ceil(world.time_limit_s / self._period_s - 1e-9)
-        self._setup = native_setup(robot, self._sensors, native)
+        self._same: Drawn | None = None  # a layout and starts that are always the same
+        self.senses = Senses.of(self._sensors, self._similarity, robot.track_m)
+        self.robots, self.time_limit_s = world.robots, world.time_limit_s
+        self.periods = math.ceil(world.time_limit_s / self.period_s - 1e-9)
+        self.setup = native_setup(robot, self._sensors, native)
         accel_max = accel_max_mps2(robot, native, self._similarity)
         self.simulator = make_simulator(robot, self._sensors, accel_max)
 
@@ -146,45 +117,53 @@ class EpisodeRunner:
             episode: its index, which names its streams.
         """
         try:
-            starts = self.starts(episode)
+            drawn = self.draw(episode)
         except DescriptionError as error:  # one bad draw costs its episode, not the study
             metrics = declared(self._metrics)
             return [RobotRecord.lost(i, "no_layout", str(error), metrics) for i in range(self._template.robots)]
-        pilots = self._begin(starts, episode)
+        pilots = self.begin(drawn, episode)
         if self.simulator.is_compiled and all(isinstance(pilot.controller, CompiledController) for pilot in pilots):
             try:
                 self._close(pilots)
             except Exception:  # a policy's own: its robot is found step by step
-                pilots = self._begin(starts, episode)
+                pilots = self.begin(drawn, episode)
                 self._drive(pilots)
         else:
             self._drive(pilots)
-        return [
-            self._record(i, pilot, state)
-            for i, (pilot, state) in enumerate(zip(pilots, self.simulator.states(), strict=True))
-        ]
+        return [self.record(i, pilot) for i, pilot in enumerate(pilots)]
 
-    def _begin(self, starts: list[Pose], episode: int) -> list[_Pilot]:
-        """Put the robots at their starts and make their controllers."""
-        self.simulator.reset(self._world, starts, self._template.goal_tolerance_m)
-        pilots = [self._pilot(i, start, episode) for i, start in enumerate(starts)]
+    def draw(self, episode: int) -> Drawn:
+        """Draw an episode's layout and where its robots begin, see ``draw_starts``."""
+        if self._same is not None:
+            return self._same
+        world = self._always or self._template.drawn_for(self.seed, episode)
+        drawn = Drawn(world, draw_starts(world, self._robot.radius_m, self._jitter, self.seed, episode))
+        if self._always and not any(self._jitter):
+            self._same = drawn
+        return drawn
+
+    def begin(self, drawn: Drawn, episode: int) -> list[Pilot]:
+        """Put the robots of an episode at their starts and make their controllers."""
+        self._world = drawn.world
+        self.simulator.reset(drawn.world, drawn.starts, self._template.goal_tolerance_m)
+        pilots = [self._pilot(i, start, episode) for i, start in enumerate(drawn.starts)]
         for i, pilot in enumerate(pilots):
             if pilot.outcome == "controller_error":
                 self.simulator.stop(i)
         return pilots
 
-    def _drive(self, pilots: list[_Pilot]) -> None:
+    def _drive(self, pilots: list[Pilot]) -> None:
         """Run control periods one by one."""
-        motions, time_limit_s = self.simulator.motions(), self._template.time_limit_s
-        for k in range(self._periods):
+        motions, time_limit_s = self.simulator.motions(), self.time_limit_s
+        for k in range(self.periods):
             if not self.simulator.active:
                 break
-            t_s = k * self._period_s
-            motions = self._period(pilots, motions, t_s, min(self._period_s, time_limit_s - t_s))
+            t_s = k * self.period_s
+            motions = self._period(pilots, motions, t_s, min(self.period_s, time_limit_s - t_s))
         for pilot in pilots:
             pilot.states = np.array(pilot.rows).reshape(-1, 6)
 
-    def _close(self, pilots: list[_Pilot]) -> None:
+    def _close(self, pilots: list[Pilot]) -> None:
         """Run control periods in compiled code, many at a time."""
         simulator = self.simulator
         assert isinstance(simulator, PlanarSimulator)
@@ -195,26 +174,26 @@ class EpisodeRunner:
             np.array([getattr(policy, name) for policy in policies]) for name in ("state", "parameters", "trace")
         )
         senses = (
-            self._senses.constants, self._senses.least, self._senses.most, np.array([sight.goal for sight in sights]),
+            self.senses.constants, self.senses.least, self.senses.most, np.array([sight.goal for sight in sights]),
             *(np.array([getattr(sight, name) for sight in sights]) for name in ("believed", "wheel_scale")),
         )  # fmt: skip
         scene, rays = simulator.scene, simulator.rays
         discs = len(scene.discs) + len(scene.polygons) + len(pilots) - 1
         room = simulator.beams, np.empty(len(rays.unobstructed)), np.empty((discs, 5))
-        limit_s, first = self._template.time_limit_s, 0
+        limit_s, first = self.time_limit_s, 0
         blocks: list[list[FloatArray]] = [[] for _ in pilots]
-        while simulator.running and first < self._periods:
-            count = min(PERIODS_AT_ONCE if self._senses.errs else PERIODS_MAX, self._periods - first)
+        while simulator.running and first < self.periods:
+            count = min(PERIODS_AT_ONCE if self.senses.errs else PERIODS_MAX, self.periods - first)
             drawn = [(*sight.draw(count, discs), sight.draw_travel(count)) for sight in sights]
             kept = (
                 np.empty((len(pilots), count, 6)), np.empty((len(pilots), count, stacked[2].shape[1])),
                 np.zeros(len(pilots), np.int64),
             )  # fmt: skip
-            simulator.reserve(min(self._period_s, limit_s))
+            simulator.reserve(min(self.period_s, limit_s))
             run_closed(
                 step, stacked, simulator.robots, simulator.pipeline, scene.arrays, simulator.fixed,
                 (rays.table, rays.reach_m, rays.unobstructed), senses, tuple(map(np.array, zip(*drawn, strict=True))),
-                (first, first + count, self._period_s, limit_s), room, kept,
+                (first, first + count, self.period_s, limit_s), room, kept,
             )  # fmt: skip
             simulator.active = np.flatnonzero(simulator.robots["running"]).tolist()
             for i, (pilot, policy) in enumerate(zip(pilots, policies, strict=True)):
@@ -224,14 +203,14 @@ class EpisodeRunner:
             first += count
         for i, (pilot, pieces) in enumerate(zip(pilots, blocks, strict=True)):
             pilot.states = np.concatenate([pilot.states, *pieces])
-            self._end(i, pilot)
+            self.end(i, pilot)
 
-    def _end(self, index: int, pilot: _Pilot) -> None:
-        """Say how a robot's compiled loop ended."""
+    def end(self, index: int, pilot: Pilot) -> None:
+        """Say how a robot ended whose states come from compiled code."""
         state = self.simulator.robots[index]
         if state["outcome"] == RUNNING:
-            begin_s = (len(pilot.states) - 1) * self._period_s
-            pilot.end_s = begin_s + min(self._period_s, self._template.time_limit_s - begin_s)
+            begin_s = (len(pilot.states) - 1) * self.period_s
+            pilot.end_s = begin_s + min(self.period_s, self.time_limit_s - begin_s)
         elif state["outcome"] != STOPPED:
             _, pilot.outcome, pilot.hit, pilot.end_s = self.simulator.end(index)
         else:
@@ -243,25 +222,15 @@ class EpisodeRunner:
             except ValueError as error:
                 pilot.outcome, pilot.failure = "controller_error", failure(error, pilot.controller.act)
 
-    def starts(self, episode: int) -> list[Pose]:
-        """Draw an episode's layout and return where its robots begin, see ``draw_starts``."""
-        self._world = self._always or self._template.drawn_for(self.seed, episode)
-        if self._always and not any(self._jitter):
-            self._poses = self._poses or draw_starts(
-                self._world, self._robot.radius_m, self._jitter, self.seed, episode
-            )
-            return self._poses
-        return draw_starts(self._world, self._robot.radius_m, self._jitter, self.seed, episode)
-
-    def _pilot(self, index: int, start: Pose, episode: int) -> _Pilot:
+    def _pilot(self, index: int, start: Pose, episode: int) -> Pilot:
         world = self._world
         goal = (world.goals[index].x_m, world.goals[index].y_m)
         name = (self.seed, world.name, episode, index)
-        perception = Perception(self._senses, start, goal, name)
+        perception = Perception(self.senses, start, goal, name)
         try:
-            return _Pilot(self._begun(index, name), perception)
+            return Pilot(self._begun(index, name), perception)
         except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
-            return _Pilot(_Absent(), perception, outcome="controller_error", failure=failure(error))
+            return Pilot(_Absent(), perception, outcome="controller_error", failure=failure(error))
 
     def _begun(self, index: int, name: tuple[int, str, int, int]) -> Controller:
         """Return a robot's controller at the beginning of an episode."""
@@ -269,16 +238,16 @@ class EpisodeRunner:
         if maker is not self.make_controller:
             self._made = maker, controllers = self.make_controller, {}
         if index in controllers:
-            controllers[index].begin(self._setup)
+            controllers[index].begin(self.setup)
             return controllers[index]
         controller = self.make_controller()
         seed, world, episode, _ = name
-        controller.reset(self._setup, stream(seed, world, episode, "controller", index))
+        controller.reset(self.setup, stream(seed, world, episode, "controller", index))
         if isinstance(controller, CompiledController) and type(controller).reset is CompiledController.reset:
             controllers[index] = controller  # nothing of an episode is left in it but its policy, which is made anew
         return controller
 
-    def _period(self, pilots: list[_Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
+    def _period(self, pilots: list[Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
         """Let every running robot observe and act, then move all; keep what they did and return their new motions."""
         simulator = self.simulator
         active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.touching
@@ -305,7 +274,7 @@ class EpisodeRunner:
         return after
 
     def _act(
-        self, pilot: _Pilot, index: int, t_s: float, motion: list[float], ranges_m: FloatArray, touching: bool
+        self, pilot: Pilot, index: int, t_s: float, motion: list[float], ranges_m: FloatArray, touching: bool
     ) -> None:
         """Let one robot observe and act; what it does wrong ends it with a reason."""
         simulator = self.simulator
@@ -326,7 +295,9 @@ class EpisodeRunner:
             pilot.outcome, pilot.failure = "controller_error", failure(error, pilot.controller.act)
             simulator.stop(index)
 
-    def _record(self, index: int, pilot: _Pilot, robot: RobotState) -> RobotRecord:
+    def record(self, index: int, pilot: Pilot) -> RobotRecord:
+        """Return what one robot did, when it has ended."""
+        robot = RobotState(*self.simulator.robots[index].item())
         *_, v, w = pilot.states[-1] if len(pilot.states) else (0.0, 0.0)
         end = (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, v, w)
         states = np.concatenate([pilot.states, [end]])

@@ -71,7 +71,8 @@ def _read_rings(
 ) -> None:
     """Write what all running robots' rings measure, (n_robots, n_sensors), as ``read_ring``."""
     for i in range(robots.shape[0]):
-        read_ring(robots, i, scenery, rays, reach_m, radius_m, beams, ranges[i])
+        if robots[i].running:
+            read_ring(robots, i, scenery, rays, reach_m, radius_m, beams, ranges[i])
 
 
 @compiled_inline
@@ -95,9 +96,9 @@ def read_ring(
         reach_m: what is further from the hull is hit by no ray [m].
         radius_m: every robot's hull [m].
         beams: (ROWS, n_rays) room.
-        ranges: (n_sensors,) what is read where nothing is; what is hit is written, of a running robot [m].
+        ranges: (n_sensors,) what is read where nothing is; what is hit is written [m].
     """
-    if not robots[index].running or robots[index].clearance_m > reach_m:
+    if robots[index].clearance_m > reach_m:
         return
     cast(robots, index, scenery, rays, reach_m, radius_m, beams)
     for k in range(rays.shape[0]):

@@ -326,7 +326,7 @@ def test_without_jitter_every_episode_begins_at_the_worlds_starts() -> None:
     world = a_world(starts=(Start(x_m=0.1, y_m=0.2), Start(x_m=7.0, y_m=7.0, heading_rad=-2.5)))
     with a_runner(world, always(0.0)) as runner:
         for episode in (0, 5):
-            assert runner.starts(episode) == [
+            assert runner.draw(episode).starts == [
                 (0.1, 0.2, math.atan2(-0.2, 499.9)),
                 (7.0, 7.0, -2.5),
             ]
@@ -335,7 +335,7 @@ def test_without_jitter_every_episode_begins_at_the_worlds_starts() -> None:
 def test_jitter_is_uniform_in_place_and_heading() -> None:
     world = a_world(starts=starts((3.0, -2.0, 3.0)))
     with a_runner(world, always(0.0), jitter=Jitter(0.5, 0.3)) as runner:
-        poses = np.array([runner.starts(episode)[0] for episode in range(2000)])
+        poses = np.array([runner.draw(episode).starts[0] for episode in range(2000)])
     moved = poses - [3.0, -2.0, 3.0]
     moved[:, 2] = [math.remainder(turn, 2.0 * math.pi) for turn in moved[:, 2]]
     for axis, width in ((0, 0.5), (1, 0.5), (2, 0.3)):
@@ -358,7 +358,7 @@ def test_a_start_in_contact_is_drawn_again_from_its_own_stream() -> None:
     redrawn = 0
     with a_runner(world, always(0.0), jitter=Jitter(1.0, 0.0), seed=3) as runner:
         for episode in range(100):
-            first, second = runner.starts(episode)
+            first, second = runner.draw(episode).starts
             for pose in (first, second):
                 assert math.hypot(pose.x_m - 2.2, pose.y_m) > 2.0
                 assert pose.x_m > -0.3
@@ -373,7 +373,7 @@ def test_a_start_in_contact_is_drawn_again_from_its_own_stream() -> None:
 def test_an_episode_begins_where_its_starts_were_drawn() -> None:
     with a_runner(a_world(), always(0.0), jitter=Jitter(0.5, 0.3)) as runner:
         (record,) = runner.run(7)
-        assert tuple(record.states[0, 1:4]) == runner.starts(7)[0]
+        assert tuple(record.states[0, 1:4]) == runner.draw(7).starts[0]
 
 
 def test_a_start_without_a_free_place_in_its_jitter_is_an_error() -> None:

@@ -1,0 +1,196 @@
+"""What the environments share: built from the words of a command line, spaces, and one control period as arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from navbench.cli.configuration import compose_cell
+from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
+from navbench.episode.stepping import GOAL_X, GOAL_Y, HEADING, Outside, Stepper, V, W, X, Y
+from navbench.experiments.cells import Cell
+from navbench.gym.reward import Period, Reward
+from navbench.simulation.motion import COLLIDED, REACHED, RUNNING
+from navbench.validation import DescriptionError
+from navbench.world.layout import Layout
+from navbench.world.world import Source, World
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Observed = Any  # float32: one vector, or a dict of its parts
+Form = Literal["flat", "dict"]
+
+BESIDE = ("goal", "velocity")  # two numbers each, after the ranges
+
+
+class Told(NamedTuple):
+    """What a control period brought, (episodes, robots) each.
+
+    Attributes:
+        rewards: 0 where an episode began.
+        terminated: whether a robot reached its goal or hit something.
+        truncated: whether the time is over for a robot that did not.
+    """
+
+    rewards: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
+
+
+def cell_of_words(words: Sequence[str], choices: dict[str, Any], config_dir: str | Path | None) -> Cell:
+    """Return the cell that the words describe, in planar; its controller is nobody's.
+
+    Args:
+        words: such as "world=deadlock".
+        choices: further words as keys and values; None says nothing.
+        config_dir: a folder with further worlds, robots and sensors.
+
+    Raises:
+        DescriptionError: one line that names the key, its value and what is allowed.
+    """
+    given = [*words, *(f"{key}={value}" for key, value in choices.items() if value is not None)]
+    keys = {word.partition("=")[0] for word in given}
+    first = [
+        f"{key}={name}" for key, name in (("controller", "go_to_goal"), ("simulator", "planar")) if key not in keys
+    ]
+    try:
+        cell = compose_cell(*first, *given, config_dir=config_dir)
+    except (*CONFIGURATION_ERRORS, ValueError) as error:
+        raise DescriptionError(one_line(error)) from None
+    if not cell.simulator.is_compiled:
+        raise DescriptionError(f"simulator={cell.names.simulator}: environments need a compiled one, such as planar")
+    if cell.sensors.tracker is not None:
+        raise DescriptionError(
+            f"sensors={cell.names.sensors}: environments have no tracker; choose sensors without one"
+        )
+    return cell
+
+
+class Core:
+    """Some episodes side by side, their observations and rewards.
+
+    Args:
+        cell: what is driven.
+        reward: see ``navbench.gym.reward``.
+        observation: "flat" or "dict".
+        options: of ``Stepper``.
+
+    Attributes:
+        stepper: what drives.
+        observation_space: one robot's.
+        action_space: one robot's.
+    """
+
+    def __init__(self, cell: Cell, reward: Reward, observation: Form, **options: Any) -> None:
+        if observation not in ("flat", "dict"):
+            raise DescriptionError(f"observation={observation}: must be flat or dict")
+        self._cell, self._reward, self._form = cell, reward, observation
+        outside = replace(cell, controller=Outside, configuration={"controller": {"build": {}}})
+        self.stepper = Stepper(outside.runner, **options)
+        body, ring = self.stepper.setup.robot, self.stepper.setup.sensors
+        self._speeds = np.array([1.0, 2.0 / body.track_m]) * body.wheel_speed_max_mps
+        self._unit_m = max([sensor.max_range_m for sensor in ring], default=body.radius_m)
+        self._sensors = len(ring)
+        self._first_m = np.ones(self.stepper.outcomes.shape)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        parts: dict[str, spaces.Space[Any]] = {"ranges": spaces.Box(0.0, 1.0, (self._sensors,), np.float32)}
+        parts |= {name: spaces.Box(-np.inf, np.inf, (2,), np.float32) for name in BESIDE}
+        low, high = (np.concatenate([getattr(part, side) for part in parts.values()]) for side in ("low", "high"))
+        self.observation_space: spaces.Space[Any] = (
+            spaces.Dict(parts) if observation == "dict" else spaces.Box(low, high, dtype=np.float32)
+        )
+
+    def seen(self) -> NDArray[np.float32]:
+        """Return what the robots observe, (episodes, robots, n_sensors + 4), newly made."""
+        known, speeds = self.stepper.known, self._speeds
+        dx, dy, heading = known[..., GOAL_X] - known[..., X], known[..., GOAL_Y] - known[..., Y], known[..., HEADING]
+        cosine, sine = np.cos(heading) / self._unit_m, np.sin(heading) / self._unit_m
+        seen = np.empty((*heading.shape, self._sensors + 4), np.float32)
+        np.divide(self.stepper.ranges_m, self._unit_m, out=seen[..., : self._sensors], casting="same_kind")
+        seen[..., -4], seen[..., -3] = cosine * dx + sine * dy, cosine * dy - sine * dx
+        seen[..., -2], seen[..., -1] = known[..., V] / speeds[0], known[..., W] / speeds[1]
+        return seen
+
+    def formed(self, seen: NDArray[np.float32]) -> Observed:
+        """Return observations, (..., n_sensors + 4), as they were asked for."""
+        if self._form == "flat":
+            return seen
+        return {"ranges": seen[..., :-4], "goal": seen[..., -4:-2], "velocity": seen[..., -2:]}
+
+    def perceive(self) -> NDArray[np.float32]:
+        """Return what the robots of episodes observe that have all been begun just now."""
+        self.stepper.move(np.zeros((*self.stepper.outcomes.shape, 2)))
+        self._first_m[:] = self.stepper.distances_m
+        return self.seen()
+
+    def step(self, actions: ArrayLike) -> Told:
+        """Move all through one control period, and tell what it brought.
+
+        Args:
+            actions: (episodes, robots, 2) as ``action_space``.
+
+        Raises:
+            ValueError: they are not of this shape, or not finite; or the reward is not one a robot.
+        """
+        stepper, asked = self.stepper, np.asarray(actions, np.float64)
+        if asked.shape != (*stepper.outcomes.shape, 2) or not np.isfinite(asked).all():
+            raise ValueError(f"action={actions!r}: must be two finite numbers a robot")
+        before_m, begun, ran = stepper.distances_m.copy(), stepper.begun.copy()[:, None], stepper.outcomes == RUNNING
+        stepper.move(asked * self._speeds)
+        if begun.any():
+            self._first_m = np.where(begun, stepper.distances_m, self._first_m)
+        reached, collided = stepper.outcomes == REACHED, stepper.outcomes == COLLIDED
+        over = (stepper.periods == stepper.periods_max)[:, None] & (stepper.outcomes == RUNNING)
+        period = Period(
+            stepper.distances_m, before_m, self._first_m, stepper.clearances_m, reached, collided, over, asked,
+            1.0 / stepper.periods_max, self._cell.robot.radius_m,
+        )  # fmt: skip
+        rewards = np.asarray(self._reward(period), np.float64)
+        if rewards.shape != reached.shape:
+            raise ValueError(f"reward: must be an array of shape {reached.shape}, one a robot, got {rewards.shape}")
+        return Told(np.where(begun | ~ran, 0.0, rewards), reached | collided, over)
+
+    def told(self, place: int, index: int, *, measures: bool = True) -> dict[str, Any]:
+        """Return what an environment's info says of a robot that has ended."""
+        if not measures:
+            outcomes = {RUNNING: "timed_out", REACHED: "reached", COLLIDED: "collided"}
+            return {"outcome": outcomes[int(self.stepper.outcomes[place, index])]}
+        record = self.stepper.record(place, index)
+        return {"outcome": record.outcome, "reason": record.reason, "metrics": dict(record.metrics)}
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Draws what another source draws, without all robots but the first.
+
+    Attributes:
+        source: the other one.
+        robots: how many robots drive.
+    """
+
+    source: Source
+    robots: int = 1
+
+    @property
+    def fastest_mps(self) -> float:
+        """The largest speed of any mover [m/s]."""
+        return float(getattr(self.source, "fastest_mps", 0.0))
+
+    def draw(self, rng: np.random.Generator, episode: int) -> Layout:
+        """Return an episode's layout with its first robot."""
+        layout = self.source.draw(rng, episode)
+        return replace(layout, starts=layout.starts[:1], goals=layout.goals[:1])
+
+
+def alone(world: World) -> World:
+    """Return a world in which only its first robot drives, in the same layouts."""
+    if world.robots == 1:
+        return world
+    source = world.source
+    if isinstance(source, Layout):
+        return replace(world, source=replace(source, starts=source.starts[:1], goals=source.goals[:1]))
+    return replace(world, source=Alone(source))

@@ -1,0 +1,215 @@
+"""The environments are navbench's own episodes, and do what gymnasium and PettingZoo ask for."""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from numpy.typing import NDArray
+from pettingzoo.test import parallel_api_test
+
+import navbench.gym
+from navbench.cli.configuration import compose_cell
+from navbench.contract import Command, Observation, Setup
+from navbench.episode.loop import EpisodeRunner
+from navbench.records import RobotRecord
+from navbench.validation import DescriptionError
+
+ERRORS = ("sensors.noise_std_m=0.02", "sensors.odometry.travel_noise=0.05", "start_jitter_m=0.02")
+
+
+def scripted(period: int) -> NDArray[np.float32]:
+    return np.array([0.7, 0.4 * np.sin(0.05 * period)], np.float32)
+
+
+class Scripted:
+    """The same script as a controller."""
+
+    def reset(self, setup: Setup, rng: np.random.Generator) -> None:
+        self.period, limit = 0, setup.robot.wheel_speed_max_mps
+        self.speeds = np.array([1.0, 2.0 / setup.robot.track_m]) * limit
+
+    def act(self, observation: Observation) -> Command:
+        v, w = scripted(self.period).astype(float) * self.speeds
+        self.period += 1
+        return Command(float(v), float(w))
+
+
+def wanted(words: Sequence[str], episode: int) -> list[RobotRecord]:
+    """What a cell of navbench records of the script."""
+    cell = compose_cell("controller=go_to_goal", "simulator=planar", *words)
+    cell = replace(cell, controller=Scripted, configuration={"controller": {"build": {}}})
+    with cell.runner() as runner:
+        return runner.run(episode)
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch) -> list[RobotRecord]:
+    """Where each record goes that is made from now on."""
+    records: list[RobotRecord] = []
+    record = EpisodeRunner.record
+
+    def keep(*given: Any) -> RobotRecord:
+        records.append(record(*given))
+        return records[-1]
+
+    monkeypatch.setattr(EpisodeRunner, "record", keep)
+    return records
+
+
+def assert_same(found: RobotRecord, other: RobotRecord) -> None:
+    assert found.outcome == other.outcome
+    assert found.states.tobytes() == other.states.tobytes()
+    assert found.metrics == other.metrics
+
+
+@pytest.mark.parametrize("words", [("world=deadlock",), ("world=no_deadlock", *ERRORS), ("world=corner",)])
+def test_a_script_drives_as_it_does_as_a_controller(words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    (theirs,) = wanted(words, 5)
+    records = recorded(monkeypatch)
+    env = navbench.gym.make(*words)
+    for _ in range(2):  # an episode remembers nothing of the one before
+        env.reset(seed=0, options={"episode": 5})
+        period, over = 0, False
+        while not over:
+            *_, terminated, truncated, info = env.step(scripted(period))
+            period, over = period + 1, terminated or truncated
+        assert_same(records[-1], theirs)
+        assert (info["outcome"], info["metrics"]) == (theirs.outcome, theirs.metrics)
+        assert terminated == (theirs.outcome != "timed_out")
+
+
+def test_a_fleet_of_scripts_drives_as_controllers_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("world=random_discs", *ERRORS)
+    theirs = wanted(words, 2)
+    records = recorded(monkeypatch)
+    fleet = navbench.gym.make_fleet(*words)
+    fleet.reset(options={"episode": 2})
+    period = 0
+    while fleet.agents:
+        fleet.step(dict.fromkeys(fleet.agents, scripted(period)))
+        period += 1
+    assert len(theirs) == len(records) == 3
+    for one, other in zip(sorted(records, key=lambda record: record.robot_index), theirs, strict=True):
+        assert_same(one, other)
+
+
+def test_many_environments_step_as_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("world=random_discs", *ERRORS)
+    vector = navbench.gym.make_vec(*words, num_envs=3, threads=2, observation="dict")
+    single = navbench.gym.make(*words, observation="dict")
+    seen, infos = vector.reset(seed=7)
+    assert infos["episode_index"].tolist() == [0, 1, 2]
+    history, beginnings = [seen], [0]
+    while len(beginnings) < 3:
+        *told, infos = vector.step(np.tile(scripted(len(history)), (3, 1)))
+        history.append(told[0])
+        if told[2][1] or told[3][1]:
+            beginnings.append(len(history))
+    single.reset(seed=7)
+    for begin, end, episode in zip(beginnings, beginnings[1:], (1, 4), strict=False):
+        mine, _ = single.reset(options={"episode": episode})
+        for k in range(begin, end):
+            if k > begin:
+                mine, *_, terminated, truncated, info = single.step(scripted(k))
+            assert all(np.array_equal(mine[name], history[k][name][1]) for name in ("ranges", "goal", "velocity"))
+        assert terminated or truncated
+        assert info["outcome"] in ("reached", "collided", "timed_out")
+
+
+def test_an_episode_that_is_over_begins_anew_in_the_next_step() -> None:
+    vector = navbench.gym.make_vec("world.time_limit_s=1.0", world="empty", num_envs=2)
+    first, _ = vector.reset()
+    for k in range(20):
+        seen, rewards, terminated, truncated, infos = vector.step(np.full((2, 2), 0.5, np.float32))
+        assert truncated.all() == (k == 19)
+        assert not terminated.any()
+    assert infos["outcome"].tolist() == ["timed_out"] * 2
+    assert infos["metrics"]["time_s"].tolist() == pytest.approx([1.0, 1.0])
+    assert not np.array_equal(seen, first)
+    seen, rewards, terminated, truncated, infos = vector.step(np.full((2, 2), 0.5, np.float32))
+    assert np.array_equal(seen, first)
+    assert (rewards.tolist(), infos) == ([0.0, 0.0], {})
+    assert not (terminated | truncated).any()
+
+
+@pytest.mark.filterwarnings("ignore:.*Box observation space (minimum|maximum) value is:UserWarning")
+@pytest.mark.parametrize("observation", ["flat", "dict"])
+def test_gymnasium_finds_nothing_wrong(observation: Any) -> None:
+    check_env(navbench.gym.make(world="random_discs", observation=observation), skip_render_check=True)
+
+
+def test_pettingzoo_finds_nothing_wrong() -> None:
+    parallel_api_test(navbench.gym.make_fleet(world="swap_circle"), num_cycles=500)
+
+
+def test_rewards_add_up_to_what_the_documentation_says() -> None:
+    env = navbench.gym.make(world="empty")
+    seen, _ = env.reset()
+    total, over = 0.0, False
+    while not over:
+        goal = seen[-4:-2]
+        seen, reward, terminated, truncated, info = env.step(
+            np.array([0.8, np.arctan2(goal[1], goal[0]) / 3], np.float32)
+        )
+        total, over = total + reward, terminated or truncated
+    assert info["outcome"] == "reached"
+    assert 1.0 < total < 2.0
+
+
+def test_a_reward_of_ones_own_replaces_the_default() -> None:
+    env = navbench.gym.make(world="empty", reward=lambda period: -period.distance_m)
+    env.reset()
+    assert env.step(np.zeros(2, np.float32))[1] < -0.1
+    wrong = navbench.gym.make(world="empty", reward=lambda period: np.zeros(3))
+    wrong.reset()
+    with pytest.raises(ValueError, match=r"reward: must be an array of shape \(1, 1\)"):
+        wrong.step(np.zeros(2, np.float32))
+
+
+@pytest.mark.parametrize(
+    ("choices", "said"),
+    [
+        ({"world": "deadlok"}, "world=deadlok: unknown choice; did you mean deadlock"),
+        ({"simulator": "pybullet"}, "simulator=pybullet: environments need a compiled one"),
+        ({"sensors": "disc_tracker"}, "sensors=disc_tracker: environments have no tracker"),
+        ({"observation": "image"}, "observation=image: must be flat or dict"),
+        ({"wrld": "deadlock"}, "wrld"),
+    ],
+)
+def test_a_wrong_choice_is_one_line(choices: dict[str, Any], said: str) -> None:
+    with pytest.raises(DescriptionError, match=said) as told:
+        navbench.gym.make(**choices)
+    assert "\n" not in str(told.value)
+
+
+def test_a_count_below_1_is_one_line() -> None:
+    with pytest.raises(DescriptionError, match="num_envs=0: must be a whole number of at least 1"):
+        navbench.gym.make_vec(world="empty", num_envs=0)
+
+
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0], [0.0, np.inf]])
+def test_an_action_that_is_no_two_finite_numbers_is_refused(action: list[float]) -> None:
+    env = navbench.gym.make(world="empty")
+    env.reset()
+    with pytest.raises(ValueError, match="must be two finite numbers a robot"):
+        env.step(np.array(action, np.float32))
+
+
+def test_the_lines_of_the_readme_run() -> None:
+    text = (Path(__file__).parents[2] / "README.md").read_text().split("## Learn a controller")[1]
+    lines: dict[str, Any] = {}
+    exec(text.split("```python")[1].split("```")[0], lines)
+    assert lines["observation"].shape == (20,)
+    assert lines["envs"].reset()[0].shape == (256, 20)
+    assert len(lines["fleet"].reset()[0]) == 10
+
+
+def test_without_gymnasium_the_package_says_what_to_install() -> None:
+    code = "import sys; sys.modules['gymnasium'] = None\nimport navbench.gym"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "navbench.gym needs gymnasium: pip install 'navbench[gym]'" in done.stderr
