@@ -122,14 +122,17 @@ def _run_locally(work: Work[Batch, Result], batches: Sequence[Batch], workers: i
 def _until_a_death(
     work: Work[Batch, Result], batches: Sequence[Batch], todo: list[int], workers: int, deaths: dict[int, int]
 ) -> Iterator[tuple[int, Result]]:
-    """Run batches until all are done or a process dies; count a death for each batch that was under way then."""
+    """Run batches until all are done or a process dies; count a death for each batch that was under way then.
+
+    Each process has the next batch waiting, so that none idles while the caller makes use of a result.
+    """
     from concurrent.futures import FIRST_COMPLETED, wait
 
     executor = _executor(workers)
     under_way: dict[Any, int] = {}
     try:
         while todo or under_way:
-            while todo and len(under_way) < workers:
+            while todo and len(under_way) < 2 * workers:
                 index = todo.pop(0)
                 with _starting_processes():
                     under_way[executor.submit(work.do, batches[index])] = index
@@ -138,9 +141,9 @@ def _until_a_death(
                 result = future.result()
                 yield under_way.pop(future), result
     except _broken() as death:
-        for future, index in under_way.items():
-            if not (future.done() and future.exception() is None):
-                deaths[index] += 1
+        unfinished = [i for future, i in under_way.items() if not (future.done() and future.exception() is None)]
+        for index in unfinished[:workers]:  # the others waited
+            deaths[index] += 1
         del death
     except BaseException:  # an interrupt, an error of the work, or a caller that wants no more
         executor.shutdown(wait=True, kill_workers=True)
