@@ -67,11 +67,11 @@ def run(
         yield from ENGINES[engine](work, batches, min(count, max(len(batches), 1)))
 
 
-def start(module: str, workers: int | None = None) -> None:
+def start(modules: Sequence[str], workers: int | None = None) -> None:
     """Start the processes in which ``run`` will do local work, and return at once.
 
     Args:
-        module: what they import.
+        modules: what they import.
         workers: as in ``run``.
     """
     count = workers or os.cpu_count() or 1
@@ -79,7 +79,12 @@ def start(module: str, workers: int | None = None) -> None:
         executor = _executor(count)
         with _starting_processes():
             for _ in range(count):
-                executor.submit(import_module, module)
+                executor.submit(_import, modules)
+
+
+def _import(modules: Sequence[str]) -> None:
+    for module in modules:
+        import_module(module)
 
 
 def in_processes(

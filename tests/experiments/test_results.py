@@ -173,6 +173,16 @@ def test_every_episode_is_a_row_and_its_trajectory_ends_with_it(once: Results) -
     assert (trajectories.groupby("episode")["t_s"].first() == 0.0).all()
 
 
+def test_of_trajectories_the_columns_that_are_asked_for_are_read_beside_those_of_their_order(once: Results) -> None:
+    whole = once.trajectories()
+    read = once.trajectories(columns=("y_m", "x_m"))
+    assert list(read) == ["run_id", "episode", "robot_index", "t_s", "y_m", "x_m"]
+    pd.testing.assert_frame_equal(read, whole[list(read)])
+    assert list(once.trajectories()) == list(whole)
+    run_id = whole["run_id"][0]
+    pd.testing.assert_frame_equal(once.trajectories(run_id, ("v_mps",)), whole[[*read][:4] + ["v_mps"]])
+
+
 def test_the_csv_holds_the_same_rows(once: Results) -> None:
     read = pd.read_csv(once.path / "episodes.csv", keep_default_na=False)
     pd.testing.assert_frame_equal(read, once.episodes(), check_dtype=False, rtol=0.0, atol=0.0)

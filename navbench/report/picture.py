@@ -1,0 +1,68 @@
+"""The picture of a results directory: a panel a cell, drawn in processes, a row of panels each."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.analysis.stored import StoredResults
+from navbench.experiments.engines import in_processes
+from navbench.experiments.files import replacing
+from navbench.experiments.store import Results
+from navbench.report.figures import COLUMNS, DPI, PATH, Panel, draw_cells
+from navbench.world.layout import DrawnWorld
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def save_trajectories(results: Results, runs: Sequence[str], file: Path, workers: int | None = 1) -> None:
+    """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
+
+    Args:
+        results: the directory.
+        runs: the run_ids.
+        file: where to save, as a PNG.
+        workers: processes; None for one a core.
+    """
+    from matplotlib.image import imsave
+
+    stored, episodes = StoredResults(results), results.episodes()
+    told = [
+        (stored.configuration(run), stored.world_in_common(run), episodes[episodes["run_id"] == run]) for run in runs
+    ]
+    rows = [_Row(results, told[i : i + COLUMNS], i, len(runs)) for i in range(0, len(runs), COLUMNS)]
+    pixels = np.vstack(in_processes(_draw, rows, workers=workers))
+    content = io.BytesIO()
+    imsave(content, pixels, format="png", dpi=DPI, metadata={"Software": None})
+    with replacing(file) as temporary:
+        temporary.write_bytes(content.getvalue())
+
+
+class _Row(NamedTuple):
+    """A row of panels: what each shows but its paths, and which of all panels the first one is."""
+
+    results: Results
+    told: "Sequence[tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame]]"
+    first: int
+    of: int
+
+
+def _draw(row: _Row) -> NDArray[np.uint8]:
+    """Return the pixels of a row: drawn at its place in the whole figure, for elsewhere they would round otherwise."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    panels: list[Panel | None] = [None] * row.of
+    for place, (cell, world, episodes) in enumerate(row.told, row.first):
+        panels[place] = cell, world, episodes, row.results.trajectories(cell["run_id"], PATH)
+    figure = draw_cells(panels)
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())
+    height = len(pixels) // -(-row.of // COLUMNS)
+    top = row.first // COLUMNS * height
+    return pixels[top : top + height].copy()
