@@ -10,7 +10,7 @@ from navbench.cli.progress import complain
 from navbench.cli.tables import print_tables
 from navbench.cli.words import sort_words
 from navbench.experiments.cells import Cell
-from navbench.experiments.engines import start
+from navbench.experiments.engines import in_processes, start
 from navbench.experiments.plan import Plan
 from navbench.validation import DescriptionError
 
@@ -47,5 +47,5 @@ def run(arguments: Sequence[str]) -> int:
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
     workers = first.values["workers"]
     options = {"workers": workers, "other_code": words.other_code}
-    finish = partial(print_tables, workers=workers)
+    finish = partial(print_tables, each=partial(in_processes, workers=workers))
     return carry_out(Plan(cells=tuple(cells)), path, again, finish, sum(wrong.values()), **options)

@@ -9,16 +9,18 @@ from navbench.experiments.store import Results, write_table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from navbench.report.picture import Each
+
 PANELS_MAX = 30  # a picture of more cells cannot be read
 NAMES = ("controller", "world", "robot", "sensors", "simulator")
 
 
-def print_tables(results: Results, workers: int | None = 1) -> None:
+def print_tables(results: Results, each: "Each" = map) -> None:
     """Write the tables and the picture, and print what a person asks for first; arguments as below."""
     from navbench.analysis.stored import StoredResults
     from navbench.report.tables import failures, to_text
 
-    table = write_tables(results, workers)
+    table = write_tables(results, each)
     print(to_text(table))
     for line in failures(results.episodes()):
         print(line)
@@ -30,14 +32,14 @@ def print_tables(results: Results, workers: int | None = 1) -> None:
     print(f"results: {results.path}")
 
 
-def write_tables(results: Results, workers: int | None = 1) -> "pd.DataFrame":
+def write_tables(results: Results, each: "Each" = map) -> "pd.DataFrame":
     """Write the table of the cells that have episodes, as CSV and Markdown, and return it.
 
     A picture is drawn where there is none, or where episodes, or how they are drawn, have changed since.
 
     Args:
         results: the directory.
-        workers: processes that draw; None for one a core.
+        each: draws the rows of the picture: ``map``, or what does the same in several processes.
     """
     from navbench.report import figures, picture
     from navbench.report.tables import to_markdown
@@ -52,7 +54,7 @@ def write_tables(results: Results, workers: int | None = 1) -> "pd.DataFrame":
         *map(Path, (figures.__file__, picture.__file__)),
     ]
     if not (file.is_file() and all(file.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
-        picture.save_trajectories(results, _drawn(results), file, workers)
+        picture.save_trajectories(results, _drawn(results), file, each)
     return table
 
 

@@ -279,7 +279,7 @@ class Results:
 
         if any((self.path / "checks").glob("part-*.parquet")):
             return self._read("checks", ["name", "tuner", "seed"])
-        return pd.DataFrame(columns=["name", "seed", "kind", "simulator", "cost"])
+        return pd.DataFrame(columns=["tuning_id", "name", "seed", "kind", "simulator", "cost"])
 
     def evaluations_of(self, tuning: TuningKey, *, whole: bool = True) -> "pd.DataFrame":
         """Return what one tuning evaluated, in order; or where it is not ``whole``, as far as it came."""

@@ -182,9 +182,9 @@ def draw_cells(panels: "Sequence[Panel | None]") -> "Figure":
     width, height = 5.2 * columns, 5.6 * rows  # inches
     figure = Figure(figsize=(width, height))
     figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - 0.7 / height, 0.9 / 4.3, 1.5 / 4.1)
-    for place, panel in zip(figure.add_gridspec(rows, columns), panels, strict=False):
+    for place, panel in enumerate(panels, 1):
         if panel is not None:
-            draw_cell(figure.add_subplot(place), *panel)
+            draw_cell(figure.add_subplot(rows, columns, place), *panel)
     return figure
 
 

@@ -1,7 +1,7 @@
-"""The picture of a results directory: a panel a cell, drawn in processes, a row of panels each."""
+"""The picture of a results directory: a panel a cell, its rows drawn apart, so that processes may share them."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import StoredResults
-from navbench.experiments.engines import in_processes
 from navbench.experiments.files import replacing
 from navbench.experiments.store import Results
 from navbench.report.figures import COLUMNS, DPI, PATH, Panel, draw_cells
@@ -18,15 +17,17 @@ from navbench.world.layout import DrawnWorld
 if TYPE_CHECKING:
     import pandas as pd
 
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
-def save_trajectories(results: Results, runs: Sequence[str], file: Path, workers: int | None = 1) -> None:
+
+def save_trajectories(results: Results, runs: Sequence[str], file: Path, each: Each = map) -> None:
     """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
 
     Args:
         results: the directory.
         runs: the run_ids.
         file: where to save, as a PNG.
-        workers: processes; None for one a core.
+        each: draws the rows, which do not depend on each other: ``map``, or what does the same in several processes.
     """
     from matplotlib.image import imsave
 
@@ -35,9 +36,9 @@ def save_trajectories(results: Results, runs: Sequence[str], file: Path, workers
         (stored.configuration(run), stored.world_in_common(run), episodes[episodes["run_id"] == run]) for run in runs
     ]
     rows = [_Row(results, told[i : i + COLUMNS], i, len(runs)) for i in range(0, len(runs), COLUMNS)]
-    pixels = np.vstack(in_processes(_draw, rows, workers=workers))
-    content = io.BytesIO()
-    imsave(content, pixels, format="png", dpi=DPI, metadata={"Software": None})
+    pixels = np.vstack(list(each(_draw, rows)))
+    content, metadata = io.BytesIO(), dict[str, Any](Software=None)
+    imsave(content, pixels, format="png", dpi=DPI, metadata=metadata)
     with replacing(file) as temporary:
         temporary.write_bytes(content.getvalue())
 
@@ -60,7 +61,7 @@ def _draw(row: _Row) -> NDArray[np.uint8]:
         panels[place] = cell, world, episodes, row.results.trajectories(cell["run_id"], PATH)
     figure = draw_cells(panels)
     figure.set_dpi(DPI)
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())
     height = len(pixels) // -(-row.of // COLUMNS)

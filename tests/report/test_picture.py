@@ -1,10 +1,12 @@
 """The picture of a results directory, whose rows of panels are drawn apart."""
 
+from functools import partial
 from pathlib import Path
 
 from matplotlib.image import imread
 from stored import a_cell, a_record, store
 
+from navbench.experiments.engines import in_processes
 from navbench.report.figures import draw_cells, panel_of
 from navbench.report.picture import save_trajectories
 
@@ -14,9 +16,9 @@ def test_a_picture_drawn_by_rows_is_to_the_last_bit_the_figure_drawn_whole(tmp_p
     stored = store(tmp_path / "kept", [(a_cell(label), records[i:]) for i, label in enumerate("ABCDEFG")])
     runs = list(stored.cells["run_id"])
     assert len(set(runs)) == 7
-    pictures = [tmp_path / f"{workers}.png" for workers in (1, 2)]
-    for workers, picture in enumerate(pictures, 1):
-        save_trajectories(stored.results, runs, picture, workers)
+    pictures = [tmp_path / "here.png", tmp_path / "in processes.png"]
+    save_trajectories(stored.results, runs, pictures[0])
+    save_trajectories(stored.results, runs, pictures[1], partial(in_processes, workers=2))
     panels = [panel_of(stored, run, stored.episodes[stored.episodes["run_id"] == run]) for run in runs]
     draw_cells(panels).savefig(tmp_path / "whole.png", dpi=110)
     assert (imread(pictures[0]) == imread(tmp_path / "whole.png")).all()
