@@ -4,7 +4,9 @@ import logging
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from navbench.cli.errors import one_line
@@ -16,6 +18,7 @@ from navbench.experiments.store import Results
 from navbench.validation import DescriptionError
 
 INTERRUPTED = 130  # the exit code
+NEEDED = ("pandas", "matplotlib.image")  # by tables and pictures, and imported while processes run episodes
 
 
 def carry_out(
@@ -41,6 +44,7 @@ def carry_out(
     """
     if path.exists() and not path.is_dir():
         raise DescriptionError(f"{path}: is a file; results need a directory")
+    Thread(target=lambda: [import_module(module) for module in NEEDED]).start()
     logging.basicConfig(format="navbench: %(message)s", stream=sys.stderr)
     step: Step | None = None
     stage = ""

@@ -14,7 +14,10 @@ from navbench.experiments.engines import in_processes, start
 from navbench.experiments.plan import Plan
 from navbench.validation import DescriptionError
 
-IMPORTED = ("navbench.experiments.cells", "navbench.report.picture", "pandas", "matplotlib.figure")  # by processes
+IMPORTED = (  # by processes, to run episodes, to keep them and to draw them
+    *("navbench.experiments.cells", "navbench.experiments.running", "pyarrow.parquet", "pandas"),
+    *("navbench.report.picture", "matplotlib.figure"),
+)
 
 
 def run(arguments: Sequence[str]) -> int:

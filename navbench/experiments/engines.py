@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -43,7 +43,7 @@ class Work(NamedTuple, Generic[Batch, Result]):
 
 def run(
     work: Work[Batch, Result], batches: Sequence[Batch], engine: str = "local", workers: int | None = None
-) -> Iterator[tuple[int, Result]]:
+) -> Generator[tuple[int, Result], None, None]:
     """Run the work on each batch and yield (index of the batch, result) as they finish, in any order.
 
     Args:

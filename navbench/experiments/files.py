@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+TEMPORARY = ".*.tmp"  # what temporary files are called
+
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:

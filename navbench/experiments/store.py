@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.experiments.files import discard_empty, replacing
+from navbench.experiments.files import TEMPORARY, discard_empty, replacing
 from navbench.experiments.manifest import SCHEMA_VERSION, is_other_work, manifest_of, now
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
 from navbench.records import CellKey, RobotRecord, TuningKey
@@ -95,6 +95,7 @@ class Results:
 
     def abandon(self) -> None:
         """Remove what was written of a run of which nothing was finished."""
+        self._discard_half_written()
         if any((self.path / "episodes").glob("part-*.parquet")) or any((self.path / "evaluations").glob("*.parquet")):
             return
         for kind in ("latency", "trajectories", "layouts", "episodes"):
@@ -123,6 +124,7 @@ class Results:
             codes: the digests that parts name; what the manifest holds of others is dropped.
         """
         self.write_csv()
+        self._discard_half_written()
         manifest = self.manifest()
         kept = {digest: manifest["codes"][digest] for digest in codes if digest in manifest["codes"]}
         self._write_manifest({**manifest, "codes": kept, "ended": now()})
@@ -308,6 +310,11 @@ class Results:
             table = table.replace_schema_metadata({CODE: code})
         with replacing(self.path / name) as temporary:
             pq.write_table(table, temporary, compression="zstd")
+
+    def _discard_half_written(self) -> None:
+        """Remove what processes that were killed had begun to write."""
+        for temporary in self.path.glob(f"*/{TEMPORARY}"):
+            temporary.unlink(missing_ok=True)
 
     def _write_manifest(self, manifest: Mapping[str, Any]) -> None:
         write_table(self.path / "manifest.json", json.dumps(manifest, indent=2) + "\n")

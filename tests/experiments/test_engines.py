@@ -12,8 +12,9 @@ from commands import workers_of
 from joblib.externals.loky import get_reusable_executor
 
 from navbench.cli.configuration import compose_cell
-from navbench.experiments.cells import EPISODES, Batch
 from navbench.experiments.engines import Work, in_processes, run, start
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
 from navbench.validation import DescriptionError
 
 KILLER = 13
@@ -147,13 +148,13 @@ def test_an_episode_that_kills_its_process_is_a_row_with_an_error(
     monkeypatch.syspath_prepend(str(tmp_path))
     words = ("controller=suicidal", "world=empty", "episodes=8", "world.time_limit_s=0.1")
     cell = compose_cell(*words, config_dir=str(tmp_path / "conf"))
-    batches = [Batch(cell, range(4)), Batch(cell, range(4, 8))]
-    done = [batch for _, batch in run(EPISODES, batches, workers=2)]
-    records = {
-        episode: record for batch in done if not isinstance(batch, DescriptionError) for episode, record in batch
-    }
-    died = {episode for episode, record in records.items() if record.outcome == "controller_error"}
-    assert sorted(records) == list(range(8))
-    assert 0 < len(died) < 5
-    assert {records[episode].reason for episode in died} == {"the controller's process died"}
-    assert {records[episode].outcome for episode in set(records) - died} == {"timed_out"}
+    ran = run_plan(Plan(cells=(cell,)), tmp_path / "results", workers=2)
+    assert (ran.finished, ran.planned, ran.reasons) == (8, 8, ())
+    rows = ran.results.episodes()
+    died = rows["outcome"] == "controller_error"
+    assert list(rows["episode"]) == list(range(8))
+    assert 0 < died.sum() < 5
+    assert set(rows["reason"][died]) == {"the controller's process died"}
+    assert set(rows["outcome"][~died]) == {"timed_out"}
+    assert ran.results.finished() == {rows["run_id"][0]: set(range(8))}
+    assert len(list((tmp_path / "results/episodes").iterdir())) == 2

@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -300,6 +300,20 @@ def test_a_crash_while_writing_leaves_no_half_part(tmp_path: Path, monkeypatch: 
         with pytest.raises(OSError, match="No space left"):
             results.write_batch(cell, episodes, [(episodes[0], a_record(time_s=7.0))])
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("finish", [Results.end, Results.abandon])
+def test_what_a_killed_process_was_writing_is_gone_at_the_end(
+    tmp_path: Path, finish: Callable[[Results], None]
+) -> None:
+    results, cell = Results(tmp_path), a_cell()
+    results.begin([cell])
+    results.write_batch(cell, range(1), [(0, a_record())])
+    for kind in ("episodes", "trajectories", "latency"):
+        (tmp_path / kind / ".part-a.parquet.7.tmp").write_bytes(b"PAR1 and then")
+    finish(results)
+    assert not list(tmp_path.rglob("*.tmp"))
+    assert len(results.episodes()) == 1
 
 
 def test_a_batch_whose_episodes_are_missing_is_not_read(tmp_path: Path) -> None:
