@@ -3,7 +3,8 @@
 import logging
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -44,12 +45,11 @@ def carry_out(
     """
     if path.exists() and not path.is_dir():
         raise DescriptionError(f"{path}: is a file; results need a directory")
-    Thread(target=lambda: [import_module(module) for module in NEEDED]).start()
     logging.basicConfig(format="navbench: %(message)s", stream=sys.stderr)
     step: Step | None = None
     stage = ""
     try:
-        with progress() as told:
+        with _importing(), progress() as told:
             try:
                 ran = run_plan(plan, path, progress=told, **options)
             finally:
@@ -66,6 +66,17 @@ def carry_out(
     reasons = [*(["the cells named above cannot be run"] if missing else []), *ran.reasons]
     complain(f"{ran.finished} of {planned} planned episodes are there: {'; '.join(reasons)}")
     return UNFINISHED
+
+
+@contextmanager
+def _importing() -> Iterator[None]:
+    """Import meanwhile what is needed thereafter."""
+    thread = Thread(target=lambda: [import_module(module) for module in NEEDED])
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join()
 
 
 def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, again: str) -> int:
