@@ -150,14 +150,14 @@ def a_cell(
     return CellKey(name, label, names, configuration, SOURCES, run_id, run_id, 0, 1, 0, tuning, seed)
 
 
-def a_tuning(name: str, seed: int) -> TuningKey:
-    """Return a tuning's key."""
+def a_tuning(name: str, seed: int, n: int = 10) -> TuningKey:
+    """Return the key of a tuning by a swarm of n."""
     configuration = {
-        "tuner": {"build": {"_target_": "somewhere.Pso", "n": 10}},
+        "tuner": {"build": {"_target_": "somewhere.Pso", "n": n}},
         "objective": {"weights": {"heading_ise": 1.0}},
         "tunable": {"kp": {"low": 0.0, "high": 10.0, "scale": "linear"}},
     }
-    return TuningKey(name, name, "ise", "pid", ("plain",), "0", f"{name}-{seed}", seed, 4, configuration, {})
+    return TuningKey(name, name, "ise", "pid", ("plain",), f"{n}", f"{name}-{seed}-{n}", seed, 4, configuration, {})
 
 
 def store(
@@ -166,6 +166,7 @@ def store(
     study: Mapping[str, Any] | None = None,
     costs: Mapping[tuple[str, int], Sequence[float]] | None = None,
     descriptions: Mapping[str, Mapping[str, Any]] | None = None,
+    n: int = 10,
 ) -> StoredResults:
     """Write a results directory and return it as it is read.
 
@@ -175,9 +176,10 @@ def store(
         study: the study's name, title, claims and report.
         costs: of each tuning, by name and seed, the cost of each evaluation; the values of kp rise from 1 by 3.
         descriptions: named tables.
+        n: of the swarm that tuned.
     """
     results = Results(path)
-    tunings = [a_tuning(name, seed) for name, seed in costs or {}]
+    tunings = [a_tuning(name, seed, n) for name, seed in costs or {}]
     results.begin([cell for cell, _ in cells], tunings, study)
     for cell, records in cells:
         fleets = [[one] if isinstance(one, RobotRecord) else one for one in records]

@@ -3,8 +3,11 @@
 import logging
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from navbench.cli.errors import one_line
@@ -16,6 +19,7 @@ from navbench.experiments.store import Results
 from navbench.validation import DescriptionError
 
 INTERRUPTED = 130  # the exit code
+NEEDED = ("pandas", "matplotlib.image")  # by tables and pictures, and imported while processes run episodes
 
 
 def carry_out(
@@ -45,7 +49,7 @@ def carry_out(
     step: Step | None = None
     stage = ""
     try:
-        with progress() as told:
+        with _importing(), progress() as told:
             try:
                 ran = run_plan(plan, path, progress=told, **options)
             finally:
@@ -62,6 +66,17 @@ def carry_out(
     reasons = [*(["the cells named above cannot be run"] if missing else []), *ran.reasons]
     complain(f"{ran.finished} of {planned} planned episodes are there: {'; '.join(reasons)}")
     return UNFINISHED
+
+
+@contextmanager
+def _importing() -> Iterator[None]:
+    """Import meanwhile what is needed thereafter."""
+    thread = Thread(target=lambda: [import_module(module) for module in NEEDED])
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join()
 
 
 def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, again: str) -> int:

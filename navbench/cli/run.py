@@ -1,6 +1,7 @@
 """One cell, or a sweep of several: composed, run side by side, and told as one table."""
 
 from collections.abc import Sequence
+from functools import partial
 
 from navbench.cli.composing import composing
 from navbench.cli.configuration import cell_of
@@ -9,9 +10,14 @@ from navbench.cli.progress import complain
 from navbench.cli.tables import print_tables
 from navbench.cli.words import sort_words
 from navbench.experiments.cells import Cell
-from navbench.experiments.engines import start
+from navbench.experiments.engines import in_processes, start
 from navbench.experiments.plan import Plan
 from navbench.validation import DescriptionError
+
+IMPORTED = (  # by processes, to run episodes, to keep them and to draw them
+    *("navbench.experiments.cells", "navbench.experiments.running", "pyarrow.parquet", "pandas"),
+    *("navbench.report.picture", "matplotlib.figure"),
+)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -26,7 +32,7 @@ def run(arguments: Sequence[str]) -> int:
         composing_them, path = composer.command("run", words.overrides, sweep=words.multirun)
         first = next(composing_them)
         if words.multirun and not path.exists():
-            start("navbench.experiments.cells", first.values["workers"])  # while the others are composed
+            start(IMPORTED, first.values["workers"])  # while the others are composed
         composed = [first, *composing_them]
     cells: list[Cell] = []
     wrong: dict[str, int] = {}
@@ -42,5 +48,7 @@ def run(arguments: Sequence[str]) -> int:
     if not cells:
         return 2
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
-    options = {"workers": first.values["workers"], **words.kept}
-    return carry_out(Plan(cells=tuple(cells)), path, again, print_tables, sum(wrong.values()), **options)
+    workers = first.values["workers"]
+    options = {"workers": workers, **words.kept}
+    finish = partial(print_tables, each=partial(in_processes, workers=workers))
+    return carry_out(Plan(cells=tuple(cells)), path, again, finish, sum(wrong.values()), **options)

@@ -10,18 +10,19 @@ from navbench.reading import flat
 if TYPE_CHECKING:
     import pandas as pd
 
+    from navbench.report.picture import Each
     from navbench.report.sampling import Sample
 
 PANELS_MAX = 30  # a picture of more cells cannot be read
 NAMES = ("controller", "world", "robot", "sensors", "simulator")
 
 
-def print_tables(results: Results) -> None:
-    """Write the tables and the picture, and print what a person asks for first."""
+def print_tables(results: Results, each: "Each" = map) -> None:
+    """Write the tables and the picture, and print what a person asks for first; arguments as below."""
     from navbench.analysis.stored import StoredResults
     from navbench.report.tables import failures, to_text
 
-    table = write_tables(results)
+    table = write_tables(results, each)
     print(to_text(table))
     for line in (*failures(results.episodes()), *StoredResults(results).missing):
         print(flat(line))
@@ -31,22 +32,30 @@ def print_tables(results: Results) -> None:
     print(f"results: {results.path}")
 
 
-def write_tables(results: Results) -> "pd.DataFrame":
+def write_tables(results: Results, each: "Each" = map) -> "pd.DataFrame":
     """Write the table of the cells that have episodes, as CSV and Markdown, and return it.
 
     A picture is drawn where there is none, or where episodes, or how they are drawn, have changed since.
+
+    Args:
+        results: the directory.
+        each: draws the rows of the picture: ``map``, or what does the same in several processes.
     """
-    from navbench.report import figures
+    from navbench.report import figures, picture
     from navbench.report.tables import to_markdown
 
     table = _table_of(results)
     write_table(results.path / "table.csv", table.to_csv(index=False))
     write_table(results.path / "table.md", to_markdown(table))
-    picture = results.path / "trajectories.png"
-    drawn_of = (results.path / "episodes", results.path / "trajectories", Path(figures.__file__))
-    if not (picture.is_file() and all(picture.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
+    file = results.path / "trajectories.png"
+    drawn_of = [
+        results.path / "episodes",
+        results.path / "trajectories",
+        *map(Path, (figures.__file__, picture.__file__)),
+    ]
+    if not (file.is_file() and all(file.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
         sample = _drawn(results)
-        figures.save_trajectories(results, sample.runs, picture, sample.says)
+        picture.save_trajectories(results, sample.runs, file, each, sample.says)
     return table
 
 

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -43,7 +43,7 @@ class Work(NamedTuple, Generic[Batch, Result]):
 
 def run(
     work: Work[Batch, Result], batches: Sequence[Batch], engine: str = "local", workers: int | None = None
-) -> Iterator[tuple[int, Result]]:
+) -> Generator[tuple[int, Result], None, None]:
     """Run the work on each batch and yield (index of the batch, result) as they finish, in any order.
 
     Args:
@@ -67,11 +67,11 @@ def run(
         yield from ENGINES[engine](work, batches, min(count, max(len(batches), 1)))
 
 
-def start(module: str, workers: int | None = None) -> None:
+def start(modules: Sequence[str], workers: int | None = None) -> None:
     """Start the processes in which ``run`` will do local work, and return at once.
 
     Args:
-        module: what they import.
+        modules: what they import.
         workers: as in ``run``.
     """
     count = workers or os.cpu_count() or 1
@@ -79,7 +79,12 @@ def start(module: str, workers: int | None = None) -> None:
         executor = _executor(count)
         with _starting_processes():
             for _ in range(count):
-                executor.submit(import_module, module)
+                executor.submit(_import, modules)
+
+
+def _import(modules: Sequence[str]) -> None:
+    for module in modules:
+        import_module(module)
 
 
 def in_processes(
@@ -122,14 +127,17 @@ def _run_locally(work: Work[Batch, Result], batches: Sequence[Batch], workers: i
 def _until_a_death(
     work: Work[Batch, Result], batches: Sequence[Batch], todo: list[int], workers: int, deaths: dict[int, int]
 ) -> Iterator[tuple[int, Result]]:
-    """Run batches until all are done or a process dies; count a death for each batch that was under way then."""
+    """Run batches until all are done or a process dies; count a death for each batch that was under way then.
+
+    Each process has the next batch waiting, so that none idles while the caller makes use of a result.
+    """
     from concurrent.futures import FIRST_COMPLETED, wait
 
     executor = _executor(workers)
     under_way: dict[Any, int] = {}
     try:
         while todo or under_way:
-            while todo and len(under_way) < workers:
+            while todo and len(under_way) < 2 * workers:
                 index = todo.pop(0)
                 with _starting_processes():
                     under_way[executor.submit(work.do, batches[index])] = index
@@ -138,9 +146,9 @@ def _until_a_death(
                 result = future.result()
                 yield under_way.pop(future), result
     except _broken() as death:
-        for future, index in under_way.items():
-            if not (future.done() and future.exception() is None):
-                deaths[index] += 1
+        unfinished = [i for future, i in under_way.items() if not (future.done() and future.exception() is None)]
+        for index in unfinished[:workers]:  # the others waited
+            deaths[index] += 1
         del death
     except BaseException:  # an interrupt, an error of the work, or a caller that wants no more
         executor.shutdown(wait=True, kill_workers=True)

@@ -17,6 +17,8 @@ LOCK = "lock"
 MARK = b"sha256:"
 OPEN = MARK + b"0" * 64  # stands in a file where its seal will, and while the seal is computed
 
+TEMPORARY = ".*.tmp"  # what temporary files are called
+
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:

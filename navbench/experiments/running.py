@@ -3,12 +3,13 @@
 import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from navbench.experiments.cells import EPISODES, Cell, digest
+from navbench.experiments.cells import EPISODES, Batch, Cell, Records, digest
 from navbench.experiments.code import code_of, commit, roots_of
 from navbench.experiments.engines import Work, run
 from navbench.experiments.files import discard_empty, existing, locked
@@ -16,7 +17,7 @@ from navbench.experiments.parts import DAMAGED
 from navbench.experiments.plan import Plan, Planned, around, batches_of_all
 from navbench.experiments.store import OTHERWISE, Results, batch_name, episodes_of, tuning_name, unfinished_name
 from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, checks_of, run_tuning
-from navbench.records import TuningKey
+from navbench.records import CellKey, TuningKey
 from navbench.validation import DescriptionError
 
 LOG = logging.getLogger("navbench")
@@ -149,6 +150,46 @@ def _refuse(search: _Search) -> Evaluation:
 SEARCHES: Work[_Search, Evaluation] = Work(_search, lambda search: [search], _refuse, lambda done: done[0])
 
 
+class _Part(NamedTuple):
+    """A batch of a cell, and where the process that runs it keeps what it did.
+
+    A ``piece`` of a batch that keeps dying is not kept, but given back to be joined with the others.
+    """
+
+    key: CellKey
+    batch: Batch
+    results: Results
+    code: str
+    piece: bool = False
+
+    def keep(self, records: Records) -> None:
+        """Write what the batch did."""
+        cell, episodes = self.batch
+        self.results.write_batch(self.key, episodes, records, cell.keep_trajectories, self.code)
+
+
+def _run_part(part: _Part) -> Records | DescriptionError | None:
+    """Run a batch and keep what it did; return what a piece did, or why it cannot be run."""
+    records = EPISODES.do(part.batch)
+    if part.piece or isinstance(records, DescriptionError):
+        return records
+    part.keep(records)
+    return None
+
+
+def _pieces(part: _Part) -> list[_Part]:
+    return [part._replace(batch=batch, piece=True) for batch in EPISODES.pieces(part.batch)]
+
+
+def _join(pieces: Sequence[Records | DescriptionError | None]) -> Records | DescriptionError:
+    return EPISODES.join([piece for piece in pieces if piece is not None])
+
+
+PARTS_OF_CELLS: Work[_Part, Records | DescriptionError | None] = Work(
+    _run_part, _pieces, lambda part: EPISODES.lost(part.batch), _join
+)
+
+
 @dataclass(slots=True)
 class _Running:
     """A plan under way; the first fields are the arguments of ``run_plan``."""
@@ -251,27 +292,32 @@ class _Running:
             self._write_manifest(cells)
         self._write_descriptions(cells)
         batches = self._batches(cells)
-        codes = {name: self._code(batch.cell.configuration) for name, (_, batch) in batches.items()}
-        replaced = [name for name in results.parts("episodes") if name not in batches]
+        parts = {
+            name: _Part(key, batch, results, self._code(batch.cell.configuration))
+            for name, (key, batch) in batches.items()
+        }
+        replaced = [name for name in results.parts("episodes") if name not in parts]
         if replaced:  # of other parameters, for their tuning was run anew
             LOG.warning("%s: %d parts of an earlier tuning are removed", results.path, len(replaced))
-        results.keep_only(PARTS, batches)
-        stale = self._of_other_code("episodes", codes)
-        todo = [name for name in batches if name in stale or not self._is_finished(name)]
-        planned = sum(len(batch.episodes) for _, batch in batches.values())
-        finished = planned - sum(len(batches[name][1].episodes) for name in todo)
+        results.keep_only(PARTS, parts)
+        stale = self._of_other_code("episodes", {name: part.code for name, part in parts.items()})
+        todo = [part for name, part in parts.items() if name in stale or not self._is_finished(name)]
+        planned = sum(len(part.batch.episodes) for part in parts.values())
+        finished = planned - sum(len(part.batch.episodes) for part in todo)
         if todo:
             self.progress("episodes", finished, planned)
         reasons: dict[str, None] = {}
-        workers = self.workers or (os.cpu_count() if len(batches) > 1 else 1)  # so that one that is left can die alone
-        for index, records in run(EPISODES, [batches[name][1] for name in todo], self.engine, workers):
-            key, batch = batches[todo[index]]
-            if isinstance(records, DescriptionError):
-                reasons[f"{key.label} in {key.names.world}: {records}"] = None
-                continue
-            results.write_batch(key, batch.episodes, records, batch.cell.keep_trajectories, codes[todo[index]])
-            finished += len(batch.episodes)
-            self.progress("episodes", finished, planned)
+        workers = self.workers or (os.cpu_count() if len(parts) > 1 else 1)  # so that one that is left can die alone
+        with closing(run(PARTS_OF_CELLS, todo, self.engine, workers)) as done:  # so that nothing is written any more
+            for index, ended in done:
+                part = todo[index]
+                if isinstance(ended, DescriptionError):
+                    reasons[f"{part.key.label} in {part.key.names.world}: {ended}"] = None
+                    continue
+                if ended is not None:  # its process died, and its pieces were run singly
+                    part.keep(ended)
+                finished += len(part.batch.episodes)
+                self.progress("episodes", finished, planned)
         if not finished:
             raise DescriptionError(next(iter(reasons)))
         return Ran(results, finished, planned, tuple(reasons))

@@ -33,6 +33,7 @@ def tuners_compared(page: Page, *, tunings: Mapping[str, str] | None = None, uni
     if len(parameters) > PARAMETERS_SHOWN_MAX:
         parameters = []
     least = best.pivot(index="seed", columns="name", values="cost")[list(tunings)]
+    least = least.dropna()  # seeds that not all have
     ranking = friedman(least.to_numpy()) if len(tunings) > 2 and len(least) > 1 else None
     checks = page.stored.checks
     again = checks.loc[checks["kind"] != "searched", ["kind", "simulator"]].drop_duplicates().to_numpy().tolist()

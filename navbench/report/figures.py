@@ -32,6 +32,8 @@ COLOURS = {
     "no_layout": "#7f7f7f",
 }
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
+PATH = ("x_m", "y_m")  # what is drawn of a trajectory
+COLUMNS = 3  # of panels
 LINES_MAX = 200  # more paths than this in a panel make a blot, not a picture
 COLUMNS_MAX = 1000  # pixels of a panel, more than it has: two points in one are drawn as one
 PALETTE = (  # Okabe and Ito's, for the colour-blind too, and two of Tol's; neighbours differ in hue and in lightness
@@ -168,46 +170,34 @@ def save_figure(figure: "Figure", out: Path, stem: str) -> None:
         save_whole(figure, inside(out, f"figures/{stem}.{form}"))
 
 
-def save_trajectories(results: Results, runs: Sequence[str], file: Path, title: str = "") -> None:
-    """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
-
-    Args:
-        results: the directory.
-        runs: the run_ids.
-        file: where to save; its ending chooses the format.
-        title: what stands above all panels.
-    """
-    stored, episodes = StoredResults(results), results.episodes()
-    panels = [panel_of(stored, run, episodes[episodes["run_id"] == run]) for run in runs]
-    save_whole(draw_cells(panels, title), file)
-
-
 def panel_of(stored: StoredResults, run: str, episodes: "pd.DataFrame") -> "Panel":
     """Return what is drawn of a run: its entry in the manifest, what stands in all its episodes, and how they went.
 
     Raises:
         ResultsError: it keeps no trajectories.
     """
-    paths = stored.results.trajectories(run, ("x_m", "y_m"))
-    return stored.configuration(run), stored.world_in_common(run), episodes, paths
+    return stored.configuration(run), stored.world_in_common(run), episodes, stored.results.trajectories(run, PATH)
 
 
-def draw_cells(panels: "Sequence[Panel]", title: str = "") -> "Figure":
-    """Return a figure with a panel per cell, in margins of one size: nothing need be measured to lay it out."""
+def draw_cells(panels: "Sequence[Panel | None]", title: str = "") -> "Figure":
+    """Return a figure with a panel per cell, in margins of one size: nothing need be measured to lay it out.
+
+    Args:
+        panels: what is drawn of each cell; the place of a None stays empty.
+        title: what stands above all panels.
+    """
     from matplotlib.figure import Figure
 
-    columns = min(3, len(panels))
+    columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
     width, height = 5.2 * columns, 5.6 * rows  # inches
     figure = Figure(figsize=(width, height))
-    axes = figure.subplots(rows, columns, squeeze=False)
     top = 0.7 + TITLE_INCHES * bool(title)
     figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - top / height, 0.9 / 4.3, 1.5 / 4.1)
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12)
-    for ax, panel in zip(axes.ravel(), panels, strict=False):
-        draw_cell(ax, *panel)
-    for ax in axes.ravel()[len(panels) :]:
-        ax.set_axis_off()
+    for place, panel in enumerate(panels, 1):
+        if panel is not None:
+            draw_cell(figure.add_subplot(rows, columns, place), *panel)
     return figure
 
 
@@ -239,7 +229,7 @@ def draw_cell(
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.4, ncols=4, frameon=False)
-    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample, wrap=True)
+    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample, wrap=True, y=1.0)
 
 
 def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any, str], radius_m: float) -> str:

@@ -1,6 +1,6 @@
 """What a report says of runs and sweeps that no study describes: the comparison, failures and trajectories."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.stored import StoredResults, leaves_of
@@ -17,7 +17,8 @@ class Joined(Results):
     """Results directories read as one, each cell called by what tells it from the others of its controller.
 
     A cell's ``name`` is its world, with what differs between cells in worlds of this name; its ``label`` is its
-    controller, with what else differs between cells of this controller in worlds of this ``name``.
+    controller, with what else differs between cells of this controller in worlds of this ``name``. A tuning's name is
+    its own, with what differs between tunings of this name beside their seeds.
 
     Args:
         runs: the directories, at least one.
@@ -26,20 +27,26 @@ class Joined(Results):
     def __init__(self, runs: Sequence[Results]) -> None:
         super().__init__(runs[0].path)
         self._runs = runs
-        self._where: dict[str, Results] = {}  # where a cell that stands in several directories is read
-        for run in runs:
-            for cell in run.manifest()["cells"]:
-                self._where.setdefault(cell["run_id"], run)
+        self._where: dict[str, Results] = {}  # where a cell or a tuning that stands in several directories is read
+        manifests = [run.manifest() for run in runs]
+        for run, manifest in zip(runs, manifests, strict=True):
+            for key in (*(c["run_id"] for c in manifest["cells"]), *(t["tuning_id"] for t in manifest["tunings"])):
+                self._where.setdefault(key, run)
+        self._tunings = _names_of(manifests)  # what each is called
 
     def manifest(self) -> dict[str, Any]:
         """Return the first directory's manifest with the cells and tunings of all."""
         manifests = [run.manifest() for run in self._runs]
-        cells = [
-            cell
-            for run, manifest in zip(self._runs, manifests, strict=True)
-            for cell in manifest["cells"]
-            if self._where[cell["run_id"]] is run
-        ]
+        cells: list[dict[str, Any]] = []
+        tunings: list[dict[str, Any]] = []
+        for run, manifest in zip(self._runs, manifests, strict=True):
+            called = {(t["name"], t["seed"]): self._tunings[t["tuning_id"]] for t in manifest["tunings"]}
+            for cell in manifest["cells"]:
+                tuning = called.get((cell["tuning"], cell["tuning_seed"]), "")
+                cell |= {"tuning": tuning, "label": tuning if cell["label"] == cell["tuning"] else cell["label"]}
+            cells += [cell for cell in manifest["cells"] if self._where[cell["run_id"]] is run]
+            mine = [tuning for tuning in manifest["tunings"] if self._where[tuning["tuning_id"]] is run]
+            tunings += [{**tuning, "name": self._tunings[tuning["tuning_id"]]} for tuning in mine]
         scenes, rest = zip(*map(_halves, cells), strict=True)
         worlds, controllers = ([cell[group] for cell in cells] for group in ("world", "controller"))
         names = _told_apart(worlds, scenes, worlds)
@@ -48,10 +55,10 @@ class Joined(Results):
             cell |= {"name": name, "label": label if cell["label"] == cell["controller"] else cell["label"]}
         return {
             **manifests[0],
-            "planned": {"episodes": sum(manifest["planned"]["episodes"] for manifest in manifests)},
+            "planned": {"episodes": len({planned for cell in cells for planned in _planned(cell)})},
             "cells": cells,
             "metrics": [one for manifest in manifests for one in manifest.get("metrics", [])],
-            "tunings": [one for manifest in manifests for one in manifest["tunings"]],
+            "tunings": tunings,
         }
 
     def episodes(self) -> "pd.DataFrame":
@@ -81,7 +88,10 @@ class Joined(Results):
     def _of_tunings(self, table: Callable[[Results], "pd.DataFrame"]) -> "pd.DataFrame":
         import pandas as pd
 
-        return pd.concat([table(run) for run in self._runs if run.manifest()["tunings"]], ignore_index=True)
+        parts = [(run, table(run)) for run in self._runs if run.manifest()["tunings"]]
+        mine = [rows[[self._where[tuning] is run for tuning in rows["tuning_id"]]] for run, rows in parts]
+        every = pd.concat(mine, ignore_index=True)
+        return every.assign(name=every["tuning_id"].map(self._tunings))
 
 
 def sections_of(stored: StoredResults) -> list[dict[str, Any]]:
@@ -103,6 +113,35 @@ def _halves(cell: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
     scene = {key: value for key, value in values.items() if key.split(".")[0] in SCENE}
     rest = {key: value for key, value in values.items() if key not in scene}
     return {**scene, "simulator": cell["simulator"]}, rest
+
+
+def _planned(cell: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield what tells each of a cell's planned episodes from all others, as a plan counts them."""
+    for index in range(cell["first_episode"], cell["first_episode"] + cell["episodes"]):
+        yield cell["run_id"], cell["tuning"], cell["tuning_seed"], index
+
+
+def _names_of(manifests: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return what each tuning is called, by its id: its name, with what differs between tunings of this name."""
+    found = {tuning["tuning_id"]: (tuning, m["cells"]) for m in manifests for tuning in m["tunings"]}
+    names = [tuning["name"] for tuning, _ in found.values()]
+    for values in (_asked, _values, lambda tuning, _: {"config_hash": tuning["config_hash"]}):
+        names = _told_apart(names, [values(*one) for one in found.values()], names)
+    return dict(zip(found, names, strict=True))
+
+
+def _asked(tuning: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return what a tuning was asked to do, but its seed."""
+    own = [tuning["name"], tuning["seed"]]
+    episodes = [cell["episodes"] for cell in cells if [cell["tuning"], cell["tuning_seed"]] == own]
+    asked = {key: tuning[key] for key in ("tuner", "objective", "controller", "budget")}
+    return dict(leaves_of({**asked, "worlds": " ".join(tuning["worlds"]), "episodes": max(episodes, default=0)}))
+
+
+def _values(tuning: Mapping[str, Any], _: object) -> dict[str, str]:
+    """Return the leaves of a tuning's configuration."""
+    configuration = tuning["configuration"]
+    return dict(leaves_of({**configuration, "cells": dict(enumerate(configuration.get("cells", [])))}))
 
 
 def _told_apart(names: Sequence[str], values: Sequence[Mapping[str, str]], kinds: Sequence[Hashable]) -> list[str]:

@@ -2,13 +2,19 @@
 
 import os
 import signal
+import sys
+import time
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from commands import workers_of
+from joblib.externals.loky import get_reusable_executor
 
 from navbench.cli.configuration import compose_cell
-from navbench.experiments.cells import EPISODES, Batch
-from navbench.experiments.engines import Work, in_processes, run
+from navbench.experiments.engines import Work, in_processes, run, start
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import run_plan
 from navbench.validation import DescriptionError
 
 KILLER = 13
@@ -70,6 +76,57 @@ def test_in_processes_says_of_what_a_process_died() -> None:
         in_processes(_half, [1, KILLER], workers=2)
 
 
+@pytest.fixture
+def without_processes() -> None:
+    """No process is left of what ran before."""
+    get_reusable_executor(max_workers=2).shutdown(wait=True, kill_workers=True)
+
+
+def _seen(module: str) -> tuple[int, bool]:
+    """Return which process this is, and whether it has imported a module."""
+    return os.getpid(), module in sys.modules
+
+
+@pytest.mark.usefixtures("without_processes")
+def test_processes_that_were_started_do_the_work_and_have_imported_what_was_named() -> None:
+    start(["colorsys", "this"], 2)
+    started = workers_of(os.getpid())
+    assert len(started) == 2
+    for module in ("colorsys", "this"):
+        seen = in_processes(_seen, [module] * 8, workers=2)
+        assert {process for process, _ in seen} <= set(started)
+        assert any(imported for _, imported in seen)
+        assert module not in sys.modules
+
+
+@pytest.mark.usefixtures("without_processes")
+def test_for_a_single_worker_no_process_is_started() -> None:
+    start(["colorsys"], 1)
+    assert workers_of(os.getpid()) == []
+
+
+class _Taken(NamedTuple):
+    """A batch that leaves a file where it begins."""
+
+    file: Path
+
+
+def _begin(batch: _Taken) -> float:
+    batch.file.touch()
+    return time.time()
+
+
+def test_a_process_goes_on_while_the_caller_makes_use_of_a_result(tmp_path: Path) -> None:
+    batches = [_Taken(tmp_path / str(index)) for index in range(8)]
+    done = run(Work(_begin, lambda batch: [batch], _begin, lambda began: began[0]), batches, workers=2)
+    next(done)
+    deadline = time.monotonic() + 60.0
+    while len(list(tmp_path.iterdir())) < 4 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert len(list(tmp_path.iterdir())) == 4  # two are done, and the next two were waiting
+    assert len(list(done)) == 7
+
+
 def test_an_unknown_engine_is_refused() -> None:
     with pytest.raises(ValueError, match="engine=cloud: there is no such engine; allowed: local"):
         list(run(DOUBLE, [[1]], engine="cloud"))
@@ -91,13 +148,13 @@ def test_an_episode_that_kills_its_process_is_a_row_with_an_error(
     monkeypatch.syspath_prepend(str(tmp_path))
     words = ("controller=suicidal", "world=empty", "episodes=8", "world.time_limit_s=0.1")
     cell = compose_cell(*words, config_dir=str(tmp_path / "conf"))
-    batches = [Batch(cell, range(4)), Batch(cell, range(4, 8))]
-    done = [batch for _, batch in run(EPISODES, batches, workers=2)]
-    records = {
-        episode: record for batch in done if not isinstance(batch, DescriptionError) for episode, record in batch
-    }
-    died = {episode for episode, record in records.items() if record.outcome == "controller_error"}
-    assert sorted(records) == list(range(8))
-    assert 0 < len(died) < 5
-    assert {records[episode].reason for episode in died} == {"the controller's process died"}
-    assert {records[episode].outcome for episode in set(records) - died} == {"timed_out"}
+    ran = run_plan(Plan(cells=(cell,)), tmp_path / "results", workers=2)
+    assert (ran.finished, ran.planned, ran.reasons) == (8, 8, ())
+    rows = ran.results.episodes()
+    died = rows["outcome"] == "controller_error"
+    assert list(rows["episode"]) == list(range(8))
+    assert 0 < died.sum() < 5
+    assert set(rows["reason"][died]) == {"the controller's process died"}
+    assert set(rows["outcome"][~died]) == {"timed_out"}
+    assert ran.results.finished() == {rows["run_id"][0]: set(range(8))}
+    assert len(list((tmp_path / "results/episodes").iterdir())) == 2

@@ -24,6 +24,7 @@ from navbench.experiments.code import code_of, roots_of
 from navbench.experiments.plan import Plan, batches_of_all
 from navbench.experiments.running import run_plan
 from navbench.experiments.store import Results
+from navbench.report.picture import save_trajectories
 from navbench.validation import DescriptionError
 
 KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer look
@@ -247,10 +248,8 @@ def test_a_picture_of_many_cells_shows_some_of_them_and_the_output_says_so(comma
 def test_a_picture_is_drawn_again_only_where_episodes_have_changed(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from navbench.report import figures
-
-    save = Mock(wraps=figures.save_trajectories)
-    monkeypatch.setattr(figures, "save_trajectories", save)
+    save = Mock(wraps=save_trajectories)
+    monkeypatch.setattr("navbench.report.picture.save_trajectories", save)
     words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=1")
     picture = tmp_path / "here/trajectories.png"
     first, again = (command(*words, "hydra.run.dir=here") for _ in range(2))

@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -173,6 +173,16 @@ def test_every_episode_is_a_row_and_its_trajectory_ends_with_it(once: Results) -
     assert (trajectories.groupby("episode")["t_s"].first() == 0.0).all()
 
 
+def test_of_trajectories_the_columns_that_are_asked_for_are_read_beside_those_of_their_order(once: Results) -> None:
+    whole = once.trajectories()
+    read = once.trajectories(columns=("y_m", "x_m"))
+    assert list(read) == ["run_id", "episode", "robot_index", "t_s", "y_m", "x_m"]
+    pd.testing.assert_frame_equal(read, whole[list(read)])
+    assert list(once.trajectories()) == list(whole)
+    run_id = whole["run_id"][0]
+    pd.testing.assert_frame_equal(once.trajectories(run_id, ("v_mps",)), whole[[*read][:4] + ["v_mps"]])
+
+
 def test_the_csv_holds_the_same_rows(once: Results) -> None:
     read = pd.read_csv(once.path / "episodes.csv", keep_default_na=False)
     pd.testing.assert_frame_equal(read, once.episodes(), check_dtype=False, rtol=0.0, atol=0.0)
@@ -289,6 +299,20 @@ def test_a_crash_while_writing_leaves_no_half_part(tmp_path: Path, monkeypatch: 
         with pytest.raises(OSError, match="No space left"):
             results.write_batch(cell, episodes, [(episodes[0], a_record(time_s=7.0))])
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("finish", [Results.end, Results.abandon])
+def test_what_a_killed_process_was_writing_is_gone_at_the_end(
+    tmp_path: Path, finish: Callable[[Results], None]
+) -> None:
+    results, cell = Results(tmp_path), a_cell()
+    results.begin([cell])
+    results.write_batch(cell, range(1), [(0, a_record())])
+    for kind in ("episodes", "trajectories", "latency"):
+        (tmp_path / kind / ".part-a.parquet.7.tmp").write_bytes(b"PAR1 and then")
+    finish(results)
+    assert not list(tmp_path.rglob("*.tmp"))
+    assert len(results.episodes()) == 1
 
 
 def test_a_batch_whose_episodes_are_missing_is_not_read(tmp_path: Path) -> None:

@@ -1,0 +1,71 @@
+"""The picture of a results directory: a panel a cell, its rows drawn apart, so that processes may share them."""
+
+import io
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navbench.analysis.stored import StoredResults
+from navbench.experiments.files import replacing
+from navbench.experiments.store import Results
+from navbench.report.figures import COLUMNS, DPI, PATH, Panel, draw_cells
+from navbench.world.layout import DrawnWorld
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+
+
+def save_trajectories(results: Results, runs: Sequence[str], file: Path, each: Each = map, title: str = "") -> None:
+    """Draw all episodes of some runs of a results directory, a panel a run, and save the picture.
+
+    Args:
+        results: the directory.
+        runs: the run_ids.
+        file: where to save, as a PNG.
+        each: draws the rows, which do not depend on each other: ``map``, or what does the same in several processes.
+        title: what stands above all panels.
+    """
+    from matplotlib.image import imsave
+
+    stored, episodes = StoredResults(results), results.episodes()
+    told = [
+        (stored.configuration(run), stored.world_in_common(run), episodes[episodes["run_id"] == run]) for run in runs
+    ]
+    rows = [_Row(results, told[i : i + COLUMNS], i, len(runs), title) for i in range(0, len(runs), COLUMNS)]
+    pixels = np.vstack(list(each(_draw, rows)))
+    content, metadata = io.BytesIO(), dict[str, Any](Software=None)
+    imsave(content, pixels, format="png", dpi=DPI, metadata=metadata)
+    with replacing(file) as temporary:
+        temporary.write_bytes(content.getvalue())
+
+
+class _Row(NamedTuple):
+    """A row of panels: what each shows but its paths, and which of all panels the first one is; the picture's title."""
+
+    results: Results
+    told: "Sequence[tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame]]"
+    first: int
+    of: int
+    title: str
+
+
+def _draw(row: _Row) -> NDArray[np.uint8]:
+    """Return the pixels of a row: drawn at its place in the whole figure, for elsewhere they would round otherwise."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    panels: list[Panel | None] = [None] * row.of
+    for place, (cell, world, episodes) in enumerate(row.told, row.first):
+        panels[place] = cell, world, episodes, row.results.trajectories(cell["run_id"], PATH)
+    figure = draw_cells(panels, row.title)
+    figure.set_dpi(DPI)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())
+    height = len(pixels) // -(-row.of // COLUMNS)
+    top = row.first // COLUMNS * height
+    return pixels[top : top + height].copy()

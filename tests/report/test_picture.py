@@ -1,0 +1,33 @@
+"""The picture of a results directory, whose rows of panels are drawn apart."""
+
+from functools import partial
+from pathlib import Path
+
+from matplotlib.image import imread
+from stored import a_cell, a_record, store
+
+from navbench.experiments.engines import in_processes
+from navbench.report.figures import draw_cells, panel_of
+from navbench.report.picture import save_trajectories
+
+
+def test_a_picture_drawn_by_rows_is_to_the_last_bit_the_figure_drawn_whole(tmp_path: Path) -> None:
+    records = [a_record("timed_out" if i % 10 == 3 else "reached") for i in range(20)]
+    stored = store(tmp_path / "kept", [(a_cell(label), records[i:]) for i, label in enumerate("ABCDEFG")])
+    runs = list(stored.cells["run_id"])
+    assert len(set(runs)) == 7
+    pictures = [tmp_path / "here.png", tmp_path / "in processes.png"]
+    save_trajectories(stored.results, runs, pictures[0])
+    save_trajectories(stored.results, runs, pictures[1], partial(in_processes, workers=2))
+    panels = [panel_of(stored, run, stored.episodes[stored.episodes["run_id"] == run]) for run in runs]
+    draw_cells(panels).savefig(tmp_path / "whole.png", dpi=110)
+    assert (imread(pictures[0]) == imread(tmp_path / "whole.png")).all()
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+
+
+def test_an_empty_place_moves_no_panel(tmp_path: Path) -> None:
+    stored = store(tmp_path / "kept", [(a_cell("A"), [a_record()])])
+    panel = panel_of(stored, stored.cells["run_id"][0], stored.episodes)
+    every = draw_cells([panel] * 5).axes
+    (last,) = draw_cells([None, None, None, None, panel]).axes
+    assert last.get_position().bounds == every[4].get_position().bounds
