@@ -121,7 +121,7 @@ def bullet_parts(effort: Effort) -> dict[str, float]:
         for owner, name, part in (
             (runner.simulator, "ranges", "rays"),
             (runner.simulator, "advance", "motion"),
-            (runner, "_record", "recording"),
+            (runner, "record", "recording"),
         ):
             timed(owner, name, spent, part)
         begin = time.perf_counter()
@@ -135,7 +135,7 @@ def planar_parts(effort: Effort) -> dict[str, float]:
     count, spent = effort.cut(500), {"recording": 0.0}
     with Field(50, 10).runner("planar", CompiledRule, count) as runner:
         runner.run(0)
-        timed(runner, "_record", spent, "recording")
+        timed(runner, "record", spent, "recording")
         begin = time.perf_counter()
         runner.run(0)
         whole = time.perf_counter() - begin

@@ -13,7 +13,7 @@ from navbench.cli.worlds import world_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.plan import Plan
 from navbench.robot import Robot
-from navbench.sensors import Sensors
+from navbench.sensors import suite_of
 from navbench.simulation.options import SimulatorOptions
 from navbench.validation import DescriptionError, describe
 
@@ -72,7 +72,7 @@ def made_part(part: str, name: str, values: Mapping[str, Any]) -> Made:
         return Made(values, world_of(values, name)[0])
     if part == "simulator":
         return Made(values, describe(SimulatorOptions, without(values, "_target_"), part))
-    return Made(values, describe({"robot": Robot, "sensors": Sensors}[part], values, part))
+    return Made(values, suite_of(values) if part == "sensors" else describe(Robot, values, part))
 
 
 def rebuilt(cell: Cell, parts: Mapping[str, Made]) -> Cell:

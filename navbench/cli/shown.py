@@ -7,7 +7,7 @@ from navbench.cli.composing import Composed, composing, key_of
 from navbench.cli.configuration import SEED_MAX, cell_of, latest_sources, without
 from navbench.cli.worlds import world_of
 from navbench.robot import Robot
-from navbench.sensors import Sensors
+from navbench.sensors import Sensors, suite_of
 from navbench.sources import KINDS
 from navbench.validation import DescriptionError, describe
 
@@ -92,7 +92,7 @@ def _robot(composed: Composed, words: Sequence[str]) -> Drawn:
 
 
 def _sensors_of(composed: Composed) -> Sensors:
-    return describe(Sensors, without(composed.values["sensors"], "sources"), "sensors")
+    return suite_of(without(composed.values["sensors"], "sources"))
 
 
 def _sensors(composed: Composed, words: Sequence[str]) -> Drawn:

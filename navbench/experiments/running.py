@@ -206,6 +206,11 @@ class _Running:
     _digests: dict[tuple[str, ...], str] = field(default_factory=dict)  # of each set of classes
     _changed: list[str] = field(default_factory=list)
 
+    @property
+    def anywhere(self) -> Results:
+        """The results as a process finds them that works in another directory."""
+        return Results(self.results.path.absolute())
+
     def begin(self) -> None:
         """Write the manifest of what is known, and remove what is damaged, or not of the plan.
 
@@ -265,7 +270,7 @@ class _Running:
         stale = self._of_other_code("evaluations", parts)
         self.results.keep_only(["evaluations"], set(parts) - (stale - set(whole)))
         todo = [
-            _Search(tuning, self.results, code)
+            _Search(tuning, self.anywhere, code)
             for tuning, (name, code) in zip(self.plan.tunings, whole.items(), strict=True)
             if name in stale or not all(self.results.has(kind, name) for kind in ("evaluations", "checks"))
         ]
@@ -293,7 +298,7 @@ class _Running:
         self._write_descriptions(cells)
         batches = self._batches(cells)
         parts = {
-            name: _Part(key, batch, results, self._code(batch.cell.configuration))
+            name: _Part(key, batch, self.anywhere, self._code(batch.cell.configuration))
             for name, (key, batch) in batches.items()
         }
         replaced = [name for name in results.parts("episodes") if name not in parts]

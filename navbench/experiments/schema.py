@@ -24,7 +24,7 @@ Whole = Annotated[int, Field(ge=-1, le=WHOLE_MAX)]
 Episodes = Annotated[int, Field(ge=0, le=EPISODES_MAX)]
 Values = Mapping[str, Any]
 Sources = Mapping[str, Mapping[str, Values] | None]
-Claims = Mapping[str, Values] | None
+Claims = Mapping[str, Values] | Sequence[Values] | None  # a list in older results: who reads it refuses it
 
 
 class ResultsError(DescriptionError):

@@ -13,7 +13,7 @@ from navbench.analysis.stored import StoredResults, driven
 from navbench.experiments.store import ResultsError
 from navbench.report.packed import packed_layouts, packed_states, rounded
 from navbench.robot import Robot
-from navbench.sensors import Sensors
+from navbench.sensors import suite_of
 from navbench.validation import describe
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ def _cell(stored: StoredResults, run_id: str, trust: bool) -> dict[str, Any]:
     robot = describe(Robot, configuration["robot"], "robot")
     mounts: list[list[Any]] = []
     if configuration["sensors"]:
-        suite = describe(Sensors, configuration["sensors"], "sensors").scaled_to(robot.radius_m)
+        suite = suite_of(configuration["sensors"]).scaled_to(robot.radius_m)
         lengths = [
             [m.x_m, m.y_m, m.heading_rad, m.max_range_m or 0.0, m.cone_half_angle_rad or 0.0, m.rays or 1]
             for m in suite.complete_mounts()

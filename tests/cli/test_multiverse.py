@@ -57,20 +57,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor_decides(
     command: Command, folder: Path
 ) -> None:
-    done = command("multiverse", "tiny", "n=256", "decide=128", "workers=1", "--config-dir", "conf")
+    done = command("multiverse", "tiny", "n=128", "decide=64", "workers=1", "--config-dir", "conf")
     assert done.code == 0, done.err
     assert "results/tiny/multiverse/report.md" in done.out
     tables = folder / "results/tiny/multiverse/tables"
     shares: dict[Any, Any] = pd.read_csv(tables / "shares.csv").set_index("id").to_dict("index")
     time = shares["time"]
-    assert time["share"] == pytest.approx(SHARE, abs=0.03)
+    assert time["share"] == pytest.approx(SHARE, abs=0.05)
     assert time["share_low"] <= SHARE <= time["share_high"]
     assert [one["verdict"] for one in shares.values()] == ["open", "robust", "robust", "out of reach"]
     assert time["decided"] == "go_to_goal.speed_mps"
     deciding: dict[Any, Any] = pd.read_csv(tables / "deciding.csv").set_index("id").loc["time"].to_dict()
-    assert deciding["flips"] == pytest.approx(2.0 * SHARE * (1.0 - SHARE), abs=0.1)
+    assert deciding["flips"] == pytest.approx(2.0 * SHARE * (1.0 - SHARE), abs=0.15)
     entropy = -SHARE * np.log2(SHARE) - (1.0 - SHARE) * np.log2(1.0 - SHARE)
-    assert 0.75 * entropy < deciding["bits"] <= entropy + 0.01
+    assert 0.75 * entropy < deciding["bits"] <= entropy + 0.05
     done = command("study", "tiny", "reconstruction=best", "workers=1", "--config-dir", "conf")
     assert done.code == 0, done.err
     best: dict[Any, Any] = pd.read_csv("results/tiny/best/claims.csv").set_index("id").to_dict("index")
@@ -115,12 +115,12 @@ def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path)
 
 def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command: Command, folder: Path) -> None:
     words = ("multiverse", "tiny", "--config-dir", "conf")
-    assert command(*words, "n=256", "decide=16", "workers=1", "out=once").code == 0
+    assert command(*words, "n=256", "decide=0", "workers=1", "out=once").code == 0
     assert command(*words, "n=128", "decide=0", "workers=2", "out=again").code == 0
     (folder / "again/drawn-03-000000-008.parquet").unlink()
-    assert command(*words, "n=256", "decide=16", "workers=1", "out=again").code == 0
+    assert command(*words, "n=256", "decide=0", "workers=1", "out=again").code == 0
     once, again = (sorted((folder / name).glob("*.parquet")) for name in ("once", "again"))
-    assert len(once) == 48
+    assert len(once) == 32
     assert [(file.name, file.read_bytes()) for file in once] == [(file.name, file.read_bytes()) for file in again]
 
 

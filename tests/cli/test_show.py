@@ -18,8 +18,9 @@ from navbench.cli import tables
 from navbench.cli.configuration import compose_cell
 from navbench.cli.shown import draw_named
 from navbench.experiments.store import Results
+from navbench.metrics import DECLARED
 from navbench.records import RobotRecord
-from navbench.report import figures
+from navbench.report import figures, picture
 from navbench.report.controllers import draw_controller, draw_rules, fuzzy_parts
 from navbench.report.sampling import sample_of
 
@@ -31,7 +32,7 @@ def here(tmp_path: Path) -> Path:
     store(tmp_path / "one", [(a_cell("A"), [a_record(), failed, a_record("collided"), a_record()])])
     store(tmp_path / "well", [(a_cell("A"), [a_record(), a_record()])])
     store(tmp_path / "two", [(a_cell("A"), [a_record()]), (a_cell("B"), [a_record()])])
-    undrawn = RobotRecord.lost(0, "no_layout", "no room", [])
+    undrawn = RobotRecord.lost(0, "no_layout", "no room", DECLARED)
     store(tmp_path / "undrawn", [(a_cell("A"), [undrawn, failed])])
     bare = Results(tmp_path / "bare")
     bare.begin([a_cell("A")])
@@ -229,11 +230,16 @@ def test_a_picture_of_a_large_sweep_shows_the_cells_with_failures_first_and_says
     cells = [(a_cell(f"c{i}"), [a_record(outcome)]) for i, outcome in enumerate(outcomes)]
     stored = store(tmp_path / "sweep", cells)
     kept: list[Figure] = []
-    monkeypatch.setattr(figures, "save_whole", lambda figure, file: kept.append(figure))
+
+    def draw(panels: Any, title: str) -> Figure:
+        kept.append(figures.draw_cells(panels, title))
+        return kept[-1]
+
+    monkeypatch.setattr(picture, "draw_cells", draw)
     tables.write_tables(stored.results)
     told = "4 of 7 cells, taken evenly: 2 of 2 with failures and 2 of 5 without"
     assert kept[0]._suptitle.get_text() == told  # type: ignore[attr-defined]
-    drawn = [ax for ax in kept[0].axes if ax.axison]
+    drawn = [ax for row in kept for ax in row.axes if ax.axison]
     legends = [ax.get_legend() for ax in drawn]
     heads = [legend.get_texts()[0].get_text() for legend in legends if legend]
     assert heads == ["timed out: 1"] * 2 + ["reached: 1"] * 2

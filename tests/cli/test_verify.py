@@ -96,12 +96,12 @@ def test_results_without_checksums_say_so_and_are_reported(ran: Path, command: C
 
 def test_evaluations_that_are_missing_are_named(tmp_path: Path) -> None:
     store(tmp_path, [(a_cell(), [a_record()])], costs={("pso", 0): [3.0, 2.0, 1.0, 0.5], ("pso", 1): [3.0]})
-    next((tmp_path / "checks").glob("*-0.parquet")).unlink()
+    next((tmp_path / "checks").glob("*-0-10.parquet")).unlink()
     told = list(problems_of(Results(tmp_path)))
-    assert "tuning pso, seed 0: checks/part-pso-0.parquet: missing" in told
+    assert "tuning pso, seed 0: checks/part-pso-0-10.parquet: missing" in told
     assert "tuning pso, seed 1: 1 of 4 evaluations" in told
-    next((tmp_path / "evaluations").glob("*-1.parquet")).unlink()
-    assert "tuning pso, seed 1: evaluations/part-pso-1.parquet: missing" in list(problems_of(Results(tmp_path)))
+    next((tmp_path / "evaluations").glob("*-1-10.parquet")).unlink()
+    assert "tuning pso, seed 1: evaluations/part-pso-1-10.parquet: missing" in list(problems_of(Results(tmp_path)))
 
 
 @pytest.mark.parametrize(
