@@ -162,14 +162,14 @@ def _executor(workers: int) -> Any:
     # a process that holds much memory is replaced by a new one, and nothing is lost
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
     with _starting_processes():
-        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(), *sys.path))
+        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(), os.getcwd(), *sys.path))
 
 
 def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
     """Do one piece in a process of its own."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    executor = ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(),))
+    executor = ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(), os.getcwd()))
     try:
         with _starting_processes():
             future = executor.submit(work.do, piece)
@@ -181,12 +181,15 @@ def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
         executor.shutdown(wait=True, kill_workers=True)
 
 
-def _begin(driver: int, *_: str) -> None:
+def _begin(driver: int, folder: str, *_: str) -> None:
     """Have this worker end soon after its driver was killed: nobody would read what it says, and it would wait.
 
-    A worker imports from where its driver did when it was started; where that has changed, others are started.
+    A worker works in the folder and imports from where its driver did when it was started; where these have changed,
+    others are started.
     """
     from psutil import Process
+
+    os.chdir(folder)
 
     def watch() -> None:
         while (parent := Process().parent()) is not None and parent.pid == driver:
