@@ -162,7 +162,8 @@ def _executor(workers: int) -> Any:
     # a process that holds much memory is replaced by a new one, and nothing is lost
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
     with _starting_processes():
-        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=(os.getpid(), os.getcwd(), *sys.path))
+        told = os.getpid(), os.getcwd(), *sys.path
+        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=told)
 
 
 def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
