@@ -48,6 +48,8 @@ def multiverse(arguments: Sequence[str]) -> int:
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
     samples = Samples(Path(options["out"] or f"outputs/multiverse/{name}"))
     of = reconstructions_of(name, tuned, words.config_dir)
+    for claim, why in of.unmeasured().items():
+        complain(f"{claim}: has no case in the study's own reconstruction; {why}")
     samples.begin(prior_of(of, options["seed"]), other_code=words.other_code)
     blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
     todo = [block for block in blocks if not samples.has(block.name)]

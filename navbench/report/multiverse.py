@@ -180,7 +180,8 @@ def _fitted(best: Fit | None) -> list[Block]:
     ]
     text = (
         "The printed numbers that do not follow from each other, in the reconstruction of the sample that meets most "
-        "of them; and each as the reconstruction has it that meets the others best."
+        "of them; and each as the reconstruction has it that meets the others best. Here the median must lie within "
+        "the tolerance; whether starts within a millimetre scatter by more is told above."
     )
     return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
 

@@ -16,12 +16,13 @@ from navbench.raised import one_line
 from navbench.report import html, markdown
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Table
 from navbench.report.page import Page
-from navbench.report.playback import playback
+from navbench.report.playback import BYTES, playback
 from navbench.report.runs import Joined, sections_of
 from navbench.report.sections import Spec, build_section, check_section, files_of, named
 
 Each = Callable[[Callable[[Spec | str], list[Block]], Sequence[Spec | str]], Iterable[list[Block]]]
 
+PAGE_MAX = 2_000_000  # bytes of a page that plays episodes
 NAMED = ("run_id", "config_hash", "name", "label", "tuning", "tuning_seed")
 WHERE = ("controller", "world", "robot", "sensors", "simulator", "episodes", "seed")
 TUNED = ("tuning_id", "config_hash", "name", "tuner", "objective", "controller", "worlds", "seed", "budget")
@@ -105,12 +106,17 @@ def _runs(stored: StoredResults, out: Path) -> Document:
 
 def _written(document: Document, out: Path, stored: StoredResults | None, trust: bool) -> Written:
     """Write a report and, of the results that it is of, its page."""
-    files, problems, played = write_document(document, out), document.problems, None
+    files, problems = write_document(document, out), document.problems
+    page = html.render(document, out)
     try:
-        played = playback(stored, trust) if stored is not None else None
+        if stored is not None:
+            for budget in (BYTES, BYTES // 2, BYTES // 4):  # with many pictures there is room for fewer episodes
+                page = html.render(document, out, playback(stored, trust, budget))
+                if len(page.encode()) <= PAGE_MAX:
+                    break
     except Exception as error:  # of results from anybody
         problems = [*problems, f"report.html plays no episodes: {one_line(error)}"]
-    write_table(out / "report.html", html.render(document, out, played))
+    write_table(out / "report.html", page)
     return Written([files[0], out / "report.html", *files[1:]], problems)
 
 

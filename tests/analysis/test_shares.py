@@ -9,7 +9,7 @@ import pytest
 from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.fitting import fit
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
-from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, shares_of, worth
+from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, halves, shares_of, worth
 
 SCRAMBLES, EACH = 4, 250
 N = SCRAMBLES * EACH
@@ -106,3 +106,12 @@ def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:
     np.testing.assert_allclose(found.values, [10.0, 20.0, 35.0], rtol=0.03)
     assert found.placebos.min() == 1
     assert fit(drawn({"ok": HOLDS}, {"ok": 1.0}), [ADMISSIBLE]) is None
+
+
+def test_halves_of_the_scrambles_are_told_apart_only_where_they_differ() -> None:
+    codes = np.where(np.random.default_rng(4).random(N) < 0.5, HOLDS, FAILS)
+    first = np.arange(N) < N // 2
+    alike = np.where(np.arange(N) % EACH < 125 + 5 * (np.arange(N) // EACH % 2), HOLDS, FAILS)  # of both halves
+    assert halves(drawn({"a": alike}), "a") == 0.0
+    assert halves(drawn({"a": np.where(first, HOLDS, codes)}), "a") > 1.96
+    assert halves(drawn({"a": HOLDS}), "a") == 0.0

@@ -99,6 +99,13 @@ def test_the_study_s_own_reconstruction_says_what_the_study_does(command: Comman
     told = dict(zip((entry.name for entry in of.claims), of.tell(None).values.tolist(), strict=True))
     assert {name: told[name] for name in stored} == pytest.approx(stored, rel=1e-12)
     assert of.unmeasured() == {}
+    tables = folder / "results/tiny/multiverse/tables"
+    tables.mkdir(parents=True)
+    (tables / "shares.csv").write_text("id,verdict,share\ntime,open,0.4\narrives,robust,1.0\n")
+    assert command("report", "join=results").code == 0
+    joined = (folder / "results/README.md").read_text()
+    assert "| tiny | 1 | 1 | 0 | 0 |" in joined
+    assert (folder / "results/figures/shares.png").is_file()
 
 
 def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path) -> None:
