@@ -115,3 +115,14 @@ def test_halves_of_the_scrambles_are_told_apart_only_where_they_differ() -> None
     assert halves(drawn({"a": alike}), "a") == 0.0
     assert halves(drawn({"a": np.where(first, HOLDS, codes)}), "a") > 1.96
     assert halves(drawn({"a": HOLDS}), "a") == 0.0
+
+
+def test_a_number_that_has_nothing_to_do_with_the_others_is_met_but_not_predicted() -> None:
+    rng = np.random.default_rng(5)
+    claims = [number(f"{printed}", f"{printed:.1f} s", "5 %") for printed in (10.0, 20.0, 35.0)]
+    scale = rng.uniform(0.9, 1.1, N)
+    values = {"10.0": 10.0 * scale, "20.0": 20.0 * scale, "35.0": rng.uniform(0.0, 100.0, N)}
+    found = fit(drawn(dict.fromkeys(values, HOLDS), values), claims)
+    assert found is not None
+    assert found.holds.tolist() == [True, True, True]
+    assert found.predicts.tolist() == [True, True, False]
