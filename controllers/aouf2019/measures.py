@@ -9,7 +9,7 @@ import numpy as np
 from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.printed import fraction
 from navbench.analysis.stored import StoredResults, outcomes, reached
-from navbench.analysis.traces import spells
+from navbench.analysis.traces import records_of, spells
 from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL
 from navbench.mathematics.statistics import Estimate
 from navbench.world.layout import DrawnWorld
@@ -133,7 +133,7 @@ def share_in_phases(
     """
     happened = [
         phases_of(stored.trajectory(row), row["outcome"], turned_rad, approached_m)
-        for row in stored.cases(**select).to_dict("records")
+        for row in records_of(stored.cases(**select), "outcome")
     ]
     return share_of([is_within(phases, [phase.name for phase in run]) for run in happened])
 
@@ -212,7 +212,7 @@ def _over_straight(stored: StoredResults, rows: "pd.DataFrame") -> list[float]:
     """Return the path lengths of some robots over the straight line from start to goal, less the goal's tolerance."""
     return [
         row["path_length_m"] / _straight_m(stored.world(row["run_id"], row["episode"]), row["robot_index"])
-        for row in rows.to_dict("records")
+        for row in records_of(rows, "path_length_m")
     ]
 
 

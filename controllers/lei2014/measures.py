@@ -9,7 +9,7 @@ import numpy as np
 from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import PAIR, StoredResults
-from navbench.analysis.traces import trajectories_of
+from navbench.analysis.traces import records_of, trajectories_of
 from navbench.mathematics.statistics import Estimate
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def share_longer_in(
             tuple(row[name] for name in PAIR): sum(
                 _times(stored.trajectory(row), column).get(state, 0.0) for state in states
             )
-            for row in side.to_dict("records")
+            for row in records_of(side, *PAIR[:2])
         }
         for side in stored.sides(select, than)
     ]

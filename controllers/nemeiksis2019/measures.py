@@ -9,7 +9,7 @@ import numpy as np
 from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.printed import band
 from navbench.analysis.stored import StoredResults, reached
-from navbench.analysis.traces import columns_of, spells
+from navbench.analysis.traces import columns_of, records_of, spells
 from navbench.mathematics.statistics import Estimate
 
 Select = Mapping[str, Any]
@@ -17,7 +17,7 @@ Select = Mapping[str, Any]
 
 def median_periods(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the median number of control periods of the robots that reached, with its range."""
-    rows = reached(stored.cases(**select)).to_dict("records")
+    rows = records_of(reached(stored.cases(**select)))
     return median_of([len(stored.trajectory(row)) - 1 for row in rows])
 
 

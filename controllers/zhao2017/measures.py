@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.stored import StoredResults
-from navbench.analysis.traces import periods_of
+from navbench.analysis.traces import periods_of, records_of
 from navbench.mathematics.statistics import Estimate
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -142,7 +142,7 @@ def share_possible_approach(stored: StoredResults, speed_mps: float, select: Sel
         select: which cells and robots, among standing discs alone.
     """
     shares = []
-    for row in stored.cases(**select).to_dict("records"):
+    for row in records_of(stored.cases(**select)):
         configuration = stored.configuration(row["run_id"])["configuration"]
         angles = np.array([mount["heading_rad"] for mount in configuration["sensors"]["mounts"]])
         discs = np.array([(disc.x_m, disc.y_m, disc.radius_m) for disc in stored.world(row["run_id"]).discs])
@@ -292,7 +292,7 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
     """
     met = []
     for _, fleet in stored.cases(**select).groupby(["run_id", "episode"], sort=False):
-        robots = fleet.to_dict("records")
+        robots = records_of(fleet)
         run_id = robots[0]["run_id"]
         world = stored.world(run_id, robots[0]["episode"])
         robot = describe(Robot, stored.configuration(run_id)["configuration"]["robot"], "robot")

@@ -1,9 +1,14 @@
 """Fleets: what all robots of an episode did together."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     import pandas as pd
+
+KEYS = ("run_id", "world", "seed", "episode")
 
 
 def fleets(episodes: "pd.DataFrame") -> "pd.DataFrame":
@@ -26,18 +31,29 @@ def fleets(episodes: "pd.DataFrame") -> "pd.DataFrame":
     """
     import pandas as pd
 
-    groups = episodes.assign(arrived=episodes["outcome"] == "reached").groupby(["run_id", "world", "seed", "episode"])
-    sums = groups[["time_s", "robot_collisions", "collisions", "standing_collisions"]].sum()
-    success = groups["arrived"].all()
+    episodes_of = list(zip(*(episodes[name].tolist() for name in KEYS), strict=True))
+    names = sorted(set(episodes_of))
+    number = {name: i for i, name in enumerate(names)}
+    group = np.array([number[name] for name in episodes_of], dtype=np.int64)
+    order = np.argsort(group, kind="stable")
+    begins = np.flatnonzero(np.diff(group[order], prepend=-1))
+
+    def over(reduce: np.ufunc, values: "pd.Series[Any]") -> NDArray[Any]:
+        sorted_values = values.to_numpy()[order]
+        return reduce.reduceat(sorted_values, begins) if len(begins) else sorted_values
+
+    success = over(np.logical_and, episodes["outcome"] == "reached")
+    contacts, robot_contacts = over(np.add, episodes["collisions"]), over(np.add, episodes["robot_collisions"])
     columns = {
-        "robots": groups.size(),
+        **{name: episodes[name].iloc[order[begins]].reset_index(drop=True) for name in KEYS},
+        "robots": np.diff(begins, append=len(order)),
         "success": success,
-        "makespan_s": groups["time_s"].max().where(success),
-        "sum_of_times_s": sums["time_s"].where(success),
-        "clearance_m": groups["min_clearance_m"].min(),
-        "contacts": sums["collisions"],
-        "robot_contacts": sums["robot_collisions"],
-        "other_contacts": sums["collisions"] - sums["robot_collisions"],
-        "standing_contacts": sums["standing_collisions"],
+        "makespan_s": np.where(success, over(np.maximum, episodes["time_s"]), np.nan),
+        "sum_of_times_s": np.where(success, over(np.add, episodes["time_s"]), np.nan),
+        "clearance_m": over(np.fmin, episodes["min_clearance_m"]),
+        "contacts": contacts,
+        "robot_contacts": robot_contacts,
+        "other_contacts": contacts - robot_contacts,
+        "standing_contacts": over(np.add, episodes["standing_collisions"]),
     }
-    return pd.DataFrame(columns).reset_index()
+    return pd.DataFrame(columns)

@@ -31,7 +31,13 @@ class Spell(NamedTuple):
 
 def trajectories_of(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":
     """Return each robot's and episode's trajectory, its end included."""
-    return map(stored.trajectory, stored.cases(**select).to_dict("records"))
+    return map(stored.trajectory, records_of(stored.cases(**select)))
+
+
+def records_of(rows: "pd.DataFrame", *columns: str) -> list[dict[str, Any]]:
+    """Return what names each row's trajectory, and further columns, as mappings."""
+    found: list[Any] = rows[["run_id", "episode", "robot_index", *columns]].to_dict("records")
+    return found
 
 
 def periods_of(stored: StoredResults, select: Select) -> "Iterator[pd.DataFrame]":

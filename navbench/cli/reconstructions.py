@@ -21,7 +21,7 @@ from navbench.analysis.multiverse import Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN
 from navbench.analysis.verdicts import figure_of, verdict
 from navbench.cli.rebuilding import Made, made_part, moved, rebuilt
-from navbench.cli.sample import Sample
+from navbench.cli.sample import Places, Sample
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell
 from navbench.mathematics.statistics import Estimate
@@ -118,6 +118,7 @@ class Reconstructions:
         multiverse: what the study says of it.
         uses: for each claim the places of its cells.
         episodes: how many a cell runs at first, and how many at most where a claim is not decided by these.
+        places: what samples remember of one another, see ``Sample``.
     """
 
     study: Mapping[str, Any]
@@ -129,6 +130,7 @@ class Reconstructions:
     multiverse: Multiverse
     uses: tuple[frozenset[int], ...]
     episodes: tuple[int, int]
+    places: Places = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def names(self) -> list[str]:
@@ -249,7 +251,7 @@ class _Run:
             for index in sorted({i for k in open_claims for i in of.uses[k]}):
                 self._extend(index, size)
             there = [(run.cell, [pair for one in run.records[:size] for pair in one]) for run in self.runs.values()]
-            sample = Sample(of.study, there)
+            sample = Sample(of.study, there, of.places)
             open_claims, before = [k for k in open_claims if not self._judge(sample, k, told)], size
         return told._replace(episodes=self.episodes, steps=self.steps)
 

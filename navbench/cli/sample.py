@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from navbench.analysis.stored import StoredResults, Used
+from navbench.analysis.stored import CELL, PAIR, StoredResults, Used
 from navbench.experiments.cells import Cell
 from navbench.experiments.manifest import described
-from navbench.experiments.rows import episode_rows, trajectory_table
+from navbench.experiments.rows import episode_rows, trajectory_columns
 from navbench.experiments.store import Results, ResultsError
 from navbench.records import RobotRecord
 from navbench.world.layout import DrawnWorld
@@ -18,7 +19,10 @@ from navbench.world.layout import DrawnWorld
 if TYPE_CHECKING:
     import pandas as pd
 
+Places = dict[tuple[object, ...], dict[str, tuple[NDArray[np.intp], ...]]]  # by the shape of a sample and the question
 Ran = Sequence[tuple[Cell, Sequence[tuple[int, RobotRecord]]]]  # cells with (episode, record) pairs
+FIXED = (*CELL, *PAIR)  # columns that are the same in all samples of the same cells and episodes
+SHAPES_MAX = 100
 
 
 class Sample(StoredResults):
@@ -27,13 +31,16 @@ class Sample(StoredResults):
     Args:
         study: what the manifest of stored results would say of their study.
         ran: the cells with their records.
+        places: where in the table of episodes lies what was asked of earlier samples, to be added to: in those of the
+            same cells and as many episodes it lies there again.
     """
 
-    def __init__(self, study: Mapping[str, Any], ran: Ran) -> None:
+    def __init__(self, study: Mapping[str, Any], ran: Ran, places: Places | None = None) -> None:
         self._ran = [(cell, cell.key(), records) for cell, records in ran]
+        self._known = {} if places is None else places
         self.results = _Nowhere(Path("a reconstruction"))
         self.manifest = {"study": study, "cells": [described(key) for _, key, _ in self._ran], "tunings": []}
-        self._trajectories, self._places, self._used = {}, {}, Used()
+        self._trajectories, self._used = {}, Used()
         self._found: dict[str, pd.DataFrame] = {}
 
     @cached_property
@@ -48,20 +55,56 @@ class Sample(StoredResults):
             if row["outcome"] != "no_layout"
         ]
         columns = {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
-        words = {name: np.array(of, dtype=object) for name, of in columns.items() if isinstance(of[0], str)}
-        return pd.DataFrame({**columns, **words, "case": words.get("run_id")})
+        words = {name: pd.Series(of, dtype=object) for name, of in columns.items() if isinstance(of[0], str)}
+        return pd.DataFrame({**columns, **words, "case": words.get("run_id"), "place": range(len(rows))})
+
+    @cached_property
+    def _there(self) -> dict[str, tuple["NDArray[np.intp]", ...]]:
+        """Where what was asked lies in the table of episodes of every sample of the same cells and episodes."""
+        rows = self.episodes
+        first = {run_id: i for i, run_id in reversed(list(enumerate(rows["run_id"])))}  # of runs that are the same
+        shape = tuple(first[run_id] for run_id in rows["run_id"]), *(tuple(rows[name]) for name in FIXED)
+        if len(self._known) > SHAPES_MAX:
+            self._known.clear()
+        return self._known.setdefault(shape, {})
 
     def select(self, *, same_case: Sequence[str] = (), **wanted: Any) -> "pd.DataFrame":
         """As of stored results; what is asked for several claims is looked for once."""
-        return self._once("select", super().select, same_case=same_case, **wanted)
+        return self._chosen("select", super().select, same_case=same_case, **wanted)
 
     def cases(self, **wanted: Any) -> "pd.DataFrame":
         """As of stored results."""
-        return self._once("cases", super().cases, **wanted)
+        return self._chosen("cases", super().cases, **wanted)
 
     def pairs(self, select: Mapping[str, Any], than: Mapping[str, Any], each: bool = False) -> "pd.DataFrame":
         """As of stored results."""
-        return self._once("pairs", super().pairs, select=select, than=than, each=each)
+        import pandas as pd
+
+        asked = {"select": select, "than": than, "each": each}
+        if not (_is_fixed(select) and _is_fixed(than)):
+            return self._once("pairs", super().pairs, **asked)
+
+        def look(**_: Any) -> "pd.DataFrame":
+            place = repr(("pairs", asked))
+            if place not in self._there:
+                rows = super(Sample, self).pairs(select, than, each)
+                self._there[place] = rows["place"].to_numpy(), rows["place_other"].to_numpy()
+            ours, theirs = (self.episodes.take(places).reset_index(drop=True) for places in self._there[place])
+            return pd.concat([ours, theirs.drop(columns=PAIR).add_suffix("_other")], axis=1)
+
+        return self._once("pairs", look, **asked)
+
+    def _chosen(self, name: str, look: Callable[..., "pd.DataFrame"], /, **wanted: Any) -> "pd.DataFrame":
+        if not _is_fixed(wanted):
+            return self._once(name, look, **wanted)
+
+        def take(**_: Any) -> "pd.DataFrame":
+            place = repr((name, wanted))
+            if place not in self._there:
+                self._there[place] = (look(**wanted)["place"].to_numpy(),)
+            return self.episodes.take(self._there[place][0])
+
+        return self._once(name, take, **wanted)
 
     def _once(self, name: str, look: Callable[..., "pd.DataFrame"], /, **asked: Any) -> "pd.DataFrame":
         place = repr((name, asked))
@@ -74,10 +117,9 @@ class Sample(StoredResults):
 
     def world(self, run_id: str, episode: int = 0) -> DrawnWorld:
         """Return what was driven in an episode."""
-        for _, key, records in self._ran:
-            for index, record in records if key.run_id == run_id else ():
-                if index == episode and isinstance(record.layout, DrawnWorld):
-                    return record.layout
+        for index, record in self._records.get(run_id, ()):
+            if index == episode and isinstance(record.layout, DrawnWorld):
+                return record.layout
         raise ResultsError(f"{run_id}: no layout in episode {episode}")
 
     @cached_property
@@ -94,10 +136,31 @@ class Sample(StoredResults):
 
     def trajectories(self, run_id: str) -> "pd.DataFrame":
         """Return the trajectories of one run."""
+        import pandas as pd
+
         if run_id not in self._trajectories:
-            key, records = next((key, records) for _, key, records in self._ran if key.run_id == run_id)
-            self._trajectories[run_id] = trajectory_table(key, records).to_pandas()
+            columns = trajectory_columns(self._records[run_id])
+            self._trajectories[run_id] = pd.DataFrame({"run_id": run_id, **columns})
         return self._trajectories[run_id]
+
+    def trajectory(self, row: Mapping[Any, Any]) -> "pd.DataFrame":
+        """As of stored results."""
+        first = 0
+        for episode, record in self._records[row["run_id"]]:
+            last = first + len(record.states)
+            if episode == row["episode"] and record.robot_index == row["robot_index"]:
+                return self.trajectories(row["run_id"]).iloc[first:last]
+            first = last
+        raise ResultsError(f"{row['run_id']}: no trajectory of episode {row['episode']}")
+
+    @cached_property
+    def _records(self) -> dict[str, Sequence[tuple[int, RobotRecord]]]:
+        return {key.run_id: records for _, key, records in reversed(self._ran)}
+
+
+def _is_fixed(wanted: Mapping[str, Any]) -> bool:
+    """Return whether what is asked for lies at the same place in all samples of one shape."""
+    return all(column in FIXED or (column == "same_case" and not of) for column, of in wanted.items())
 
 
 class _Nowhere(Results):

@@ -24,6 +24,7 @@ from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import RUNNING, STOPPED, RobotState
 from navbench.simulation.planar import PlanarSimulator
+from navbench.simulation.scene import Scene
 from navbench.validation import DescriptionError
 from navbench.world.layout import DrawnWorld, Layout
 from navbench.world.world import World
@@ -94,6 +95,7 @@ class EpisodeRunner:
         self.period_s = period_s(native, self._similarity)
         source = world.source
         self._always = world.of(source) if isinstance(source, Layout) and type(source).draw is Layout.draw else None
+        self._scene: Scene | None = None  # of the layout that was drawn last, at time 0
         self._same: Drawn | None = None  # a layout and starts that are always the same
         self.senses = Senses.of(self._sensors, self._similarity, robot.track_m)
         self.robots, self.time_limit_s = world.robots, world.time_limit_s
@@ -137,7 +139,10 @@ class EpisodeRunner:
         if self._same is not None:
             return self._same
         world = self._always or self._template.drawn_for(self.seed, episode)
-        drawn = Drawn(world, draw_starts(world, self._robot.radius_m, self._jitter, self.seed, episode))
+        if self._scene is None or self._scene.layout is not world:
+            self._scene = Scene(world)
+        starts = draw_starts(world, self._robot.radius_m, self._jitter, self.seed, episode, self._scene)
+        drawn = Drawn(world, starts)
         if self._always and not any(self._jitter):
             self._same = drawn
         return drawn

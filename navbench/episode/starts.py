@@ -20,7 +20,9 @@ class Jitter(NamedTuple):
     heading_rad: float = 0.0
 
 
-def draw_starts(world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
+def draw_starts(
+    world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, episode: int, scene: Scene | None = None
+) -> list[Pose]:
     """Return a pose for each of the world's starts, randomly perturbed, drawn again while in contact.
 
     A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
@@ -31,11 +33,12 @@ def draw_starts(world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, e
         jitter: how far the starts are perturbed.
         seed: of the streams.
         episode: its index, which names its streams.
+        scene: the world's at time 0, where it is at hand.
 
     Raises:
         DescriptionError: a robot finds no free place, or the layout does not fit it (see ``Layout.check_fits``).
     """
-    scene = Scene(world)
+    scene = scene or Scene(world)
     world.check_fits(radius_m, world.goal_tolerance_m)
     poses: list[Pose] = []
     for i, start in enumerate(world.starts):

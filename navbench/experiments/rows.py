@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navbench.records import CellKey, RobotRecord
 
@@ -48,18 +49,25 @@ def trajectory_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) 
     """Return the trajectories of (episode, record) pairs: a row for each state, with the trace beside it."""
     import pyarrow as pa
 
+    columns = trajectory_columns(records)
+    run_id = pa.array([cell.run_id] * len(columns["episode"]), pa.string())
+    return pa.table({"run_id": run_id, **columns})
+
+
+def trajectory_columns(records: Sequence[tuple[int, RobotRecord]]) -> dict[str, NDArray[Any]]:
+    """Return the columns of ``trajectory_table`` but the first."""
     lengths = [len(record.states) for _, record in records]
-    columns: dict[str, Any] = {
-        "run_id": pa.array([cell.run_id] * sum(lengths), pa.string()),
+    columns: dict[str, NDArray[Any]] = {
         "episode": np.repeat([episode for episode, _ in records], lengths),
         "robot_index": np.repeat([record.robot_index for _, record in records], lengths),
     }
     states = np.concatenate([record.states for _, record in records])
     columns |= {name: states[:, i] for i, name in enumerate(STATES)}
     for name in dict.fromkeys(name for _, record in records for name in record.trace_names):
-        column = f"trace_{name}" if name in columns else str(name)  # a trace never hides a column of the trajectory
+        taken = name in columns or name == "run_id"
+        column = f"trace_{name}" if taken else str(name)  # a trace never hides a column of the trajectory
         columns[column] = np.concatenate([_trace(record, name) for _, record in records])
-    return pa.table(columns)
+    return columns
 
 
 def _trace(record: RobotRecord, name: str) -> Any:

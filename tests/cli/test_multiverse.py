@@ -10,7 +10,9 @@ import pytest
 from commands import Command
 
 from navbench.analysis.shares import FAILS, HOLDS
+from navbench.analysis.stored import StoredResults
 from navbench.cli.prior import reconstructions_of
+from navbench.cli.sample import Places, Sample
 
 WORLD = """
 defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
@@ -118,6 +120,28 @@ def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path)
         again = of.tell(there)
         assert told.codes.tolist() == again.codes.tolist()
         np.testing.assert_array_equal(told.values, again.values)
+
+
+def test_a_sample_that_remembers_where_rows_lay_answers_as_one_that_does_not(folder: Path) -> None:
+    of = reconstructions_of("tiny", folder, "conf")
+    cells = [drawn.cell for drawn in of.cells]
+    places: Places = {}
+    for counts in ((2, 2), (2, 2), (3, 1)):  # a shape twice, and another
+        ran = []
+        for cell, count in zip(cells, counts, strict=True):
+            with cell.runner() as runner:
+                ran.append((cell, [(k, record) for k in range(count) for record in runner.run(k)]))
+        remembers, forgets = Sample(of.study, ran, places), Sample(of.study, ran)
+        ours, theirs = {"name": "line"}, {"name": "set"}
+        for answer, wanted in (
+            (remembers.select(episode=[0, 2]), forgets.select(episode=[0, 2])),
+            (remembers.cases(**theirs), StoredResults.cases(forgets, **theirs)),
+            (remembers.pairs(ours, theirs), StoredResults.pairs(forgets, ours, theirs)),
+            (remembers.select(outcome="reached"), forgets.select(outcome="reached")),
+        ):
+            pd.testing.assert_frame_equal(answer.reset_index(drop=True), wanted.reset_index(drop=True))
+        assert len(remembers.pairs(ours, theirs)) == min(counts)
+    assert len(places) == 2
 
 
 def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command: Command, folder: Path) -> None:
