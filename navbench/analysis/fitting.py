@@ -1,11 +1,11 @@
 """How many printed numbers hold together in one reconstruction, and whether that is more than noise would give.
 
-The best of a sample is chosen for a paper's table and, likewise, for placebo tables: the same numbers, those of one
-unit permuted among the claims. A paper whose numbers hang together as its world does fits better than these. Each
-number is also left out in turn, and predicted by the reconstruction that is best for the others.
+A target is a table to be met: the paper's own; the same with one number left out, which the best for the others then
+predicts; and placebo tables: the same numbers, those of one unit permuted among the claims. A paper whose numbers hang
+together as its world does is met better than these.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,85 +17,136 @@ from navbench.analysis.shares import Drawn
 
 PLACEBOS = 20
 SEED = 0  # of their permutations
-FAR = 3.0  # tolerances, at which a number is as far as it can be: one that is missing, too
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+class Target(NamedTuple):
+    """Numbers to be met together.
+
+    Attributes:
+        name: "printed", "without CLAIM" or "placebo K".
+        claims: (n) the claims that print them.
+        numbers: (n,) which numbers.
+        counts: (n,) which of them count.
+    """
+
+    name: str
+    claims: tuple[Entry, ...]
+    numbers: FloatArray
+    counts: BoolArray
+
+    def away(self, values: FloatArray) -> FloatArray:
+        """Return (rows, n) how many tolerances each value lies from its number; infinitely many without a case."""
+        columns = []
+        for column, entry, number in zip(values.T, self.claims, self.numbers, strict=True):
+            size, unit = quantity("within", entry.claim.within)
+            low, high = limits("printed", entry.claim.printed)
+            half = 0.5 * (high - low)
+            width = size / 100.0 * abs(number) if unit == "%" else size
+            beyond = np.maximum(abs(column - number) - half, 0.0)
+            columns.append(np.nan_to_num(beyond / max(width, 1e-12), nan=np.inf))
+        return np.stack(columns, axis=1)
+
+    def cost(self, values: FloatArray) -> FloatArray:
+        """Return (rows,) how many numbers that count are missed, and in the fraction how far all lie away."""
+        away = self.away(values)[:, self.counts]
+        far = 1.0 - 1.0 / (1.0 + away)
+        missed: FloatArray = (away > 1.0).sum(axis=1) + far.sum(axis=1) / (away.shape[1] + 1.0)
+        return missed
+
+
+class Met(NamedTuple):
+    """What meets a target best.
+
+    Attributes:
+        u: (d,) where that reconstruction lies.
+        values: (n,) what was measured there.
+    """
+
+    u: FloatArray
+    values: FloatArray
 
 
 class Fit(NamedTuple):
-    """The reconstruction of a sample in which most printed numbers hold.
+    """The reconstruction in which most printed numbers hold.
 
     Attributes:
         claims: the claims that print them.
-        row: which row of the sample.
+        u: (d,) where it lies.
         values: (n,) what was measured there.
         holds: (n,) which hold.
         predicted: (n,) what is measured of each where the others fit best.
         predicts: (n,) which of these hold.
-        placebos: (PLACEBOS,) how many numbers of each placebo table hold in the row that is best for it.
+        placebos: (PLACEBOS,) how many numbers of each placebo table hold where most of them do.
         printed: (n,) the numbers.
     """
 
     claims: tuple[Entry, ...]
-    row: int
+    u: FloatArray
     values: FloatArray
-    holds: NDArray[np.bool_]
+    holds: BoolArray
     predicted: FloatArray
-    predicts: NDArray[np.bool_]
+    predicts: BoolArray
     placebos: NDArray[np.int64]
     printed: FloatArray
 
 
-def fit(drawn: Drawn, claims: Sequence[Entry]) -> Fit | None:
+def targets(claims: Sequence[Entry]) -> list[Target]:
+    """Return all targets of some claims, the printed one first; none where no claim prints a number."""
+    told = tuple(entry for entry in claims if entry.claim.printed is not None)
+    if not told:
+        return []
+    numbers = np.array([quantity("printed", entry.claim.printed)[0] for entry in told])
+    every = np.ones(len(told), dtype=bool)
+    rng = np.random.default_rng(SEED)
+    others = ~np.eye(len(told), dtype=bool)
+    left_out = [Target(f"without {e.name}", told, numbers, of) for e, of in zip(told, others, strict=True)]
+    placebos = [Target(f"placebo {k}", told, _permuted(told, numbers, rng), every) for k in range(PLACEBOS)]
+    return [Target("printed", told, numbers, every), *(left_out if len(told) > 1 else []), *placebos]
+
+
+def fit(claims: Sequence[Entry], meet: Callable[[Target], Met]) -> Fit | None:
     """Return the best reconstruction for some claims' printed numbers; None where none prints one.
 
     Args:
-        drawn: the sample.
         claims: the claims; those that print nothing are left out.
+        meet: tells what meets a target best.
     """
-    told = tuple(entry for entry in claims if entry.claim.printed is not None)
-    if not told:
+    asked = targets(claims)
+    if not asked:
         return None
-    values = drawn.rows[[f"value:{entry.name}" for entry in told]].to_numpy(np.float64)
-    numbers = np.array([quantity("printed", entry.claim.printed)[0] for entry in told])
-    away = _away(values, told, numbers)
-    best = _best(away)
-    left_out = [_best(np.delete(away, i, axis=1)) for i in range(len(told))]
-    columns = np.arange(len(told))
-    rng = np.random.default_rng(SEED)
-    placebos = []
-    for _ in range(PLACEBOS):
-        moved = _away(values, told, _permuted(told, numbers, rng))
-        placebos.append(int((moved[_best(moved)] <= 1.0).sum()))
+    printed, *others = asked
+    met = {target.name: meet(target) for target in asked}
+    best = met[printed.name]
+    predicted = np.array([met.get(f"without {e.name}", best).values[i] for i, e in enumerate(printed.claims)])
     return Fit(
-        claims=told,
-        row=best,
-        values=values[best],
-        holds=away[best] <= 1.0,
-        predicted=values[left_out, columns],
-        predicts=away[left_out, columns] <= 1.0,
-        placebos=np.array(placebos),
-        printed=numbers,
+        claims=printed.claims,
+        u=best.u,
+        values=best.values,
+        holds=printed.away(best.values[None])[0] <= 1.0,
+        predicted=predicted,
+        predicts=printed.away(predicted[None])[0] <= 1.0,
+        placebos=np.array([int(t.counts.sum() - t.cost(met[t.name].values[None])[0] // 1) for t in others[-PLACEBOS:]]),
+        printed=printed.numbers,
     )
 
 
-def _away(values: FloatArray, claims: Sequence[Entry], numbers: FloatArray) -> FloatArray:
-    """Return (rows, n) how many tolerances each value lies from what is printed, at most FAR."""
-    columns = []
-    for column, entry, number in zip(values.T, claims, numbers, strict=True):
-        size, unit = quantity("within", entry.claim.within)
-        low, high = limits("printed", entry.claim.printed)
-        half = 0.5 * (high - low)
-        width = size / 100.0 * abs(number) if unit == "%" else size
-        beyond = np.maximum(abs(column - number) - half, 0.0)
-        columns.append(np.minimum(np.nan_to_num(beyond / max(width, 1e-12), nan=FAR), FAR))
-    return np.stack(columns, axis=1)
+def in_sample(drawn: Drawn) -> Callable[[Target], Met]:
+    """Return what tells which reconstruction of a sample meets a target best."""
+
+    def meet(target: Target) -> Met:
+        values = values_in(drawn, target)
+        row = int(np.argmin(target.cost(values)))
+        return Met(drawn.u[row], values[row])
+
+    return meet
 
 
-def _best(away: FloatArray) -> int:
-    """Return the row in which most numbers hold, of equals that in which all lie nearest."""
-    held = (away <= 1.0).sum(axis=1)
-    return int(np.lexsort((away.sum(axis=1), -held))[0])
+def values_in(drawn: Drawn, target: Target) -> FloatArray:
+    """Return (rows, n) what a sample measures of a target's claims."""
+    return drawn.rows[[f"value:{entry.name}" for entry in target.claims]].to_numpy(np.float64)
 
 
 def _permuted(claims: Sequence[Entry], numbers: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -5,7 +5,7 @@ and uniformly. Its interval tells how well the sample knows it, not how well the
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -81,6 +81,7 @@ class Shares(NamedTuple):
         bits: the dimension that tells most of it, and how much beside what chance would.
         pair: the two that together tell most, and how much [bit].
         associated: over admissible ones, the dimension of the largest PAWN index, and that beside what chance would.
+        found: whether a search found one in which it holds.
     """
 
     claim: Entry
@@ -93,6 +94,7 @@ class Shares(NamedTuple):
     bits: tuple[str, Null] | None
     pair: tuple[str, str, float] | None
     associated: tuple[str, Null] | None
+    found: bool
 
     @property
     def told(self) -> Estimate:
@@ -102,8 +104,8 @@ class Shares(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Robust, contradicted, open, or out of reach where it holds in no reconstruction at all."""
-        if self.all.value == 0.0:
+        """Robust, contradicted, open, or out of reach where it holds in none that was drawn or found."""
+        if self.all.value == 0.0 and not self.found:
             return "out of reach"
         return "robust" if self.told.low >= ROBUST else "contradicted" if self.told.high <= CONTRADICTED else "open"
 
@@ -118,17 +120,24 @@ class Shares(NamedTuple):
         return self.bits[0] if self.bits is not None and self.bits[1].value > self.bits[1].p95 else ""
 
 
-def shares_of(drawn: Drawn, claims: Sequence[Entry], multiverse: Multiverse) -> list[Shares]:
+def shares_of(
+    drawn: Drawn, claims: Sequence[Entry], multiverse: Multiverse, found: Collection[str] = ()
+) -> list[Shares]:
     """Return what a sample says of each claim.
 
     Args:
         drawn: the sample.
         claims: the claims, and among them what makes a reconstruction admissible.
         multiverse: what the study says of it.
+        found: the claims that hold in what a search found.
     """
     admissible = admissible_of(drawn, claims)
     meets = admissible & _meets(drawn.rows, {entry.name: entry.claim for entry in claims}, multiverse.conditioned)
-    return [_shares(drawn, entry, admissible, meets, multiverse) for entry in claims if entry.kind != KIND]
+    return [
+        _shares(drawn, entry, admissible, meets, multiverse, entry.name in found)
+        for entry in claims
+        if entry.kind != KIND
+    ]
 
 
 def admissible_of(drawn: Drawn, claims: Sequence[Entry]) -> BoolArray:
@@ -150,7 +159,9 @@ def halves(drawn: Drawn, claim: str) -> float:
     return float(abs(first.mean() - second.mean()) / error) if error else math.inf
 
 
-def _shares(drawn: Drawn, entry: Entry, admissible: BoolArray, meets: BoolArray, multiverse: Multiverse) -> Shares:
+def _shares(
+    drawn: Drawn, entry: Entry, admissible: BoolArray, meets: BoolArray, multiverse: Multiverse, found: bool
+) -> Shares:
     codes = drawn.codes(entry.name)
     holds = codes == HOLDS
     flat = holds.ravel()
@@ -173,6 +184,7 @@ def _shares(drawn: Drawn, entry: Entry, admissible: BoolArray, meets: BoolArray,
         associated=None
         if associated is None
         else _most(drawn, entry.name, lambda x, rng: pawn_null(x[associated], flat[associated], rng)),
+        found=found,
     )
 
 

@@ -1,7 +1,7 @@
 """A study's multiverse: its claims in many reconstructions of what its paper leaves open."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of w
 
   n=16384                                           how many reconstructions are drawn
   decide=1024                                       in how many each factor is moved alone, to see what decides
+  search=320                                        evaluations of each search for where printed numbers hold together
   seed=0                                            of all draws
   workers=N                                         processes; default one a core
   tuned=DIR                                         the study's results, for what its tunings found
@@ -27,7 +28,7 @@ HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of w
 The prior is written before the first reconstruction; the same command goes on where an earlier one was stopped, also
 with more of them. What is found is written into results/STUDY/multiverse.
 """
-NUMBERS = {"n": 16384, "decide": 1024, "seed": 0}
+NUMBERS = {"n": 16384, "decide": 1024, "search": 320, "seed": 0}
 KEYS = (*NUMBERS, "workers", "tuned", "out")
 
 
@@ -60,37 +61,52 @@ def multiverse(arguments: Sequence[str]) -> int:
                 samples.write(todo[index].name, columns)
                 done += todo[index].size
                 told("reconstructions", done, total)
+            files = _finish(of, samples, options, told)
     except KeyboardInterrupt:
         again = shlex.join(["navbench", "multiverse", *arguments])
         complain(f"interrupted after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
         return 130
-    return _finish(of, samples)
+    print(f"report: {files[0]} ({len(files)} files)")
+    return 0
 
 
-def _finish(of: "Reconstructions", samples: "Samples") -> int:
-    """Write what the reconstructions say, and return the exit code."""
+def _finish(
+    of: "Reconstructions", samples: "Samples", options: Mapping[str, Any], progress: Callable[[str, int, int], None]
+) -> list[Path]:
+    """Write what the reconstructions say, and return the files of the report."""
+    from navbench.analysis.fitting import fit, in_sample
     from navbench.analysis.shares import Drawn
     from navbench.cli.sampling import places
+    from navbench.cli.searching import STARTS, Searches
     from navbench.experiments.samples import DRAWN, MOVED
     from navbench.report.joined import read_claims
-    from navbench.report.multiverse import Told, write_multiverse
+    from navbench.report.multiverse import Search, Told, write_multiverse
 
     rows, prior, name = samples.even(DRAWN), samples.prior(), str(of.study["name"])
     if rows.empty:
         raise DescriptionError(f"{samples.path}: not every scramble has a reconstruction yet")
     drawn = Drawn(rows, places(prior["seed"], len(of.names), rows), of.names, of.reaches, samples.even(MOVED))
+    budget = options["search"]
+    searches = Searches(
+        of, drawn, samples, seed=prior["seed"], evaluations=budget, workers=options["workers"], told=progress
+    )
+    best = fit(searches.claims, searches.meet if budget and searches.free else in_sample(drawn))
     out = Path("results") / name
     claims = read_claims(out / "claims.csv")
     here, measured = (dict(zip(claims["id"], claims[column], strict=True)) for column in ("verdict", "measured"))
-    told = Told(name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior)
+    at_best = {} if best is None else dict(zip((entry.name for entry in of.claims), of.tell(best.u).codes, strict=True))
+    told = Told(
+        name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
+        best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),
+    )  # fmt: skip
     files = write_multiverse(told, out / "multiverse")
     samples.publish(rows, out / "multiverse" / "reconstructions.parquet")
-    print(f"report: {files[0]} ({len(files)} files)")
-    return 0
+    return files
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:
     from navbench.cli.sampling import BLOCK, SCRAMBLES
+    from navbench.cli.searching import POPULATION
 
     options: dict[str, Any] = {**NUMBERS, "workers": None, "tuned": None, "out": None}
     for word in overrides:
@@ -104,7 +120,11 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
         if not (value.isdecimal() and int(value) >= least):
             raise DescriptionError(f"{word}: must be a whole number of at least {least}")
         options[key] = int(value)
-    for key, size in (("n", SCRAMBLES * BLOCK), ("decide", SCRAMBLES)):
+    for key, size, why in (
+        ("n", SCRAMBLES * BLOCK, "of each scramble as many"),
+        ("decide", SCRAMBLES, "of each scramble as many"),
+        ("search", POPULATION, "whole generations"),
+    ):
         if options[key] % size:
-            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {size}: of each scramble as many")
+            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {size}: {why}")
     return options

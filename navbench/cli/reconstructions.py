@@ -117,7 +117,7 @@ class Reconstructions:
         claims: what is asked of each reconstruction: what makes it admissible, then the study's claims.
         multiverse: what the study says of it.
         uses: for each claim the places of its cells.
-        episodes: how many a cell runs at first, and how many at most where a claim is not decided by these.
+        episodes: how many a cell runs at first, and how many where a claim is not decided by these.
         places: what samples remember of one another, see ``Sample``.
     """
 
@@ -129,7 +129,7 @@ class Reconstructions:
     claims: tuple[Entry, ...]
     multiverse: Multiverse
     uses: tuple[frozenset[int], ...]
-    episodes: tuple[int, int]
+    episodes: tuple[int, ...]
     places: Places = field(default_factory=dict, repr=False, compare=False)
 
     @property

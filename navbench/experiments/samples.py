@@ -55,9 +55,17 @@ class Samples:
         import pyarrow.parquet as pq
 
         kept = {key: column for key, column in columns.items() if key != SECONDS}
-        for file, table in ((f"{SECONDS}/{name}", {SECONDS: columns[SECONDS]}), (name, kept)):
+        apart = {f"{SECONDS}/{name}": {SECONDS: columns[SECONDS]}} if SECONDS in columns else {}
+        for file, table in {**apart, name: kept}.items():
             with replacing(self.path / f"{file}.parquet") as temporary:
                 pq.write_table(pa.table(table), temporary, compression="zstd")
+
+    def part(self, name: str) -> "pd.DataFrame":
+        """Return a block that is there."""
+        import pyarrow.parquet as pq
+
+        frame: pd.DataFrame = pq.read_table(self.path / f"{name}.parquet", use_threads=False).to_pandas()
+        return frame
 
     def prior(self) -> dict[str, Any]:
         """Return the prior."""

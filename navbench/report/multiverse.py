@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from navbench.analysis.claims import Entry
 from navbench.analysis.factors import Factor
-from navbench.analysis.fitting import Fit, fit
+from navbench.analysis.fitting import Fit
 from navbench.analysis.multiverse import KIND, Multiverse
 from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, admissible_of, halves, shares_of, worth
 from navbench.experiments.store import write_table
@@ -23,6 +23,20 @@ from navbench.report.shares import VERDICTS, chart, curves, numbers
 
 BEST = "best.json"
 CURVES_MAX = 6  # claims of which the curve is drawn
+
+
+class Search(NamedTuple):
+    """How a best reconstruction was found.
+
+    Attributes:
+        evaluations: of the search; 0 for the best of the sample.
+        free: how many values it may move.
+        starts: over how many of a cell each is judged at most.
+    """
+
+    evaluations: int
+    free: int
+    starts: int
 
 
 class Told(NamedTuple):
@@ -38,6 +52,9 @@ class Told(NamedTuple):
         here: the verdict of each claim in the study's own results; empty where these are not at hand.
         measured: what was measured there.
         prior: what was drawn and asked, as it was written down before.
+        best: the reconstruction in which most printed numbers hold together; None where no claim prints one.
+        at_best: what each claim does there.
+        search: how that was found.
     """
 
     study: str
@@ -49,13 +66,16 @@ class Told(NamedTuple):
     here: Mapping[str, str]
     measured: Mapping[str, float]
     prior: Mapping[str, Any]
+    best: Fit | None
+    at_best: Mapping[str, int]
+    search: Search
 
 
 def write_multiverse(told: Told, out: Path) -> list[Path]:
     """Write the report into a directory and return its files."""
-    shares = shares_of(told.drawn, told.claims, told.multiverse)
-    named = told.multiverse.together
-    best = fit(told.drawn, [one.claim for one in shares if named is None or one.claim.name in named])
+    held = [name for name, code in told.at_best.items() if code == HOLDS]
+    shares = shares_of(told.drawn, told.claims, told.multiverse, held)
+    best = told.best
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
     if curved := _curved(shares):
@@ -71,10 +91,10 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     document = Document(
         f"{told.title}: in how many reconstructions its claims hold",
         [
-            *_first(told, shares, best),
+            *_first(told, shares),
             *plots,
-            *_claims(told, shares, best),
-            *_fitted(best),
+            *_claims(told, shares),
+            *_fitted(told),
             *_deciding(shares),
             *_factors(told, shares),
             *_made(told, shares),
@@ -88,27 +108,27 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
 
 def _point(told: Told, best: Fit) -> dict[str, Any]:
     """Return where the best reconstruction lies and what holds there, for ``reconstruction=best`` of a study."""
-    row = told.drawn.rows.iloc[best.row]
     names = [factor.name for factor in told.factors]
     return {
-        "scramble": int(row["scramble"]),
-        "index": int(row["index"]),
         "seed": told.prior["seed"],
+        "search": told.search._asdict(),
         "claims": [entry.name for entry in best.claims],
         "holds": [entry.name for entry, holds in zip(best.claims, best.holds, strict=True) if holds],
-        "point": dict(zip(names, map(float, told.drawn.u[best.row]), strict=False)),
+        "point": dict(zip(names, map(float, best.u), strict=False)),
     }
 
 
-def _together(best: Fit) -> str:
+def _together(best: Fit, search: Search) -> str:
+    searched = f"a search of {search.evaluations} evaluations over {search.free} values finds"
+    found = searched if search.evaluations else "the sample has"
     return (
-        f"In the reconstruction that meets most of them, {best.holds.sum()} of {len(best.claims)} printed numbers hold "
+        f"In the best reconstruction that {found}, {best.holds.sum()} of {len(best.claims)} printed numbers hold "
         f"at once; of placebo tables, with the same numbers permuted, {best.placebos.min()} to {best.placebos.max()}. "
         f"Left out in turn, {best.predicts.sum()} are predicted by the reconstruction that meets the others best."
     )
 
 
-def _first(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Block]:
+def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
     """Return what a reader wants first: three sentences."""
     counts = {word: sum(one.verdict == word for one in shares) for word in VERDICTS}
     bits = [(name, value) for name, value in worth(shares, told.drawn)[:3] if value > 0.0]
@@ -117,14 +137,13 @@ def _first(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Block
         f"Of {len(shares)} claims, {counts['robust']} hold in nearly every reconstruction (robust), "
         f"{counts['contradicted']} in hardly any (contradicted), {counts['out of reach']} in none of "
         f"{len(told.drawn.rows)}, and {counts['open']} are open: they hang on what the paper does not print.",
-        _together(best) if best else "No claim prints a number.",
+        _together(told.best, told.search) if told.best else "No claim prints a number.",
         f"The missing values that tell most of all verdicts together: {most}." if most else "No value tells of them.",
     ]
     return [Paragraph(line) for line in lines]
 
 
-def _claims(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Block]:
-    at_best = None if best is None else told.drawn.rows.iloc[best.row]
+def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
     columns = [
         Column("claim", "id"),
         Column("says", "statement"),
@@ -142,7 +161,7 @@ def _claims(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Bloc
             one.claim.claim.says,
             one.verdict,
             told.here.get(one.claim.name, "").replace("_", " ") or None,
-            None if at_best is None else "yes" if at_best[f"code:{one.claim.name}"] == HOLDS else "no",
+            ("yes" if told.at_best[one.claim.name] == HOLDS else "no") if told.at_best else None,
             one.all,
             _enough(one.admissible),
             _enough(one.conditioned),
@@ -155,12 +174,13 @@ def _claims(told: Told, shares: Sequence[Shares], best: Fit | None) -> list[Bloc
         "that meets most printed numbers. A share is one of our prior: of the ranges and choices of everything that "
         "the paper leaves open, drawn independently. *Robust* and *contradicted* go by the bound of the interval "
         f"(95 % and 5 %), over admissible reconstructions where {CASES_MIN} or more are, else over all; *out of "
-        "reach* holds in none that was drawn. Of fewer cases no interval is told."
+        "reach* holds in none that was drawn or found. Of fewer cases no interval is told."
     )
     return [Heading("Claims"), Paragraph(text), Table("shares", columns, rows)]
 
 
-def _fitted(best: Fit | None) -> list[Block]:
+def _fitted(told: Told) -> list[Block]:
+    best = told.best
     if best is None:
         return []
     columns = [
@@ -179,9 +199,10 @@ def _fitted(best: Fit | None) -> list[Block]:
         )
     ]
     text = (
-        "The printed numbers that do not follow from each other, in the reconstruction of the sample that meets most "
-        "of them; and each as the reconstruction has it that meets the others best. Here the median must lie within "
-        "the tolerance; whether starts within a millimetre scatter by more is told above."
+        "The printed numbers that do not follow from each other, in the reconstruction that meets most of them; and "
+        "each as the reconstruction has it that meets the others best, found in the same way. Here the median over "
+        f"up to {told.search.starts} starts within a millimetre must lie within the tolerance; whether these scatter "
+        "by more is told above."
     )
     return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
 

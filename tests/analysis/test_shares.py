@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from navbench.analysis.claims import Claim, Entry
-from navbench.analysis.fitting import fit
+from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, halves, shares_of, worth
 
@@ -47,6 +47,12 @@ def test_a_verdict_goes_by_the_bound_of_the_interval(held: int, verdict: str) ->
     assert one.all.value == held / N
     assert one.all.low <= one.all.value <= one.all.high
     assert one.verdict == verdict
+
+
+def test_what_only_a_search_finds_is_within_reach() -> None:
+    never = drawn({"a": FAILS})
+    assert [one.verdict for one in shares_of(never, [number("a")], NOTHING)] == ["out of reach"]
+    assert [one.verdict for one in shares_of(never, [number("a")], NOTHING, found=["a"])] == ["contradicted"]
 
 
 def test_of_admissible_reconstructions_alone_the_share_is_another_and_decides_the_verdict() -> None:
@@ -99,13 +105,13 @@ def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:
     scale = np.random.default_rng(3).uniform(0.5, 2.0, N)  # one value stretches all three
     claims = [number(f"{printed}", f"{printed:.1f} s", "2 %") for printed in (10.0, 20.0, 35.0)]
     values = {entry.name: scale * float(entry.name) for entry in claims}
-    found = fit(drawn(dict.fromkeys(values, HOLDS), values), claims)
+    found = fit(claims, in_sample(drawn(dict.fromkeys(values, HOLDS), values)))
     assert found is not None
     assert found.holds.tolist() == [True] * 3
     assert found.predicts.tolist() == [True] * 3
     np.testing.assert_allclose(found.values, [10.0, 20.0, 35.0], rtol=0.03)
     assert found.placebos.min() == 1
-    assert fit(drawn({"ok": HOLDS}, {"ok": 1.0}), [ADMISSIBLE]) is None
+    assert fit([ADMISSIBLE], in_sample(drawn({"ok": HOLDS}, {"ok": 1.0}))) is None
 
 
 def test_halves_of_the_scrambles_are_told_apart_only_where_they_differ() -> None:
@@ -122,7 +128,7 @@ def test_a_number_that_has_nothing_to_do_with_the_others_is_met_but_not_predicte
     claims = [number(f"{printed}", f"{printed:.1f} s", "5 %") for printed in (10.0, 20.0, 35.0)]
     scale = rng.uniform(0.9, 1.1, N)
     values = {"10.0": 10.0 * scale, "20.0": 20.0 * scale, "35.0": rng.uniform(0.0, 100.0, N)}
-    found = fit(drawn(dict.fromkeys(values, HOLDS), values), claims)
+    found = fit(claims, in_sample(drawn(dict.fromkeys(values, HOLDS), values)))
     assert found is not None
     assert found.holds.tolist() == [True, True, True]
     assert found.predicts.tolist() == [True, True, False]

@@ -9,10 +9,14 @@ import pandas as pd
 import pytest
 from commands import Command
 
-from navbench.analysis.shares import FAILS, HOLDS
+from navbench.analysis.fitting import Met, Target, targets, values_in
+from navbench.analysis.shares import FAILS, HOLDS, Drawn
 from navbench.analysis.stored import StoredResults
 from navbench.cli.prior import reconstructions_of
 from navbench.cli.sample import Places, Sample
+from navbench.cli.sampling import Block, places, run_block
+from navbench.cli.searching import Searches
+from navbench.experiments.samples import DRAWN, Samples
 
 WORLD = """
 defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
@@ -59,7 +63,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor_decides(
     command: Command, folder: Path
 ) -> None:
-    done = command("multiverse", "tiny", "n=128", "decide=64", "workers=1", "--config-dir", "conf")
+    done = command("multiverse", "tiny", "n=128", "decide=64", "search=32", "workers=1", "--config-dir", "conf")
     assert done.code == 0, done.err
     assert "results/tiny/multiverse/report.md" in done.out
     tables = folder / "results/tiny/multiverse/tables"
@@ -125,13 +129,13 @@ def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path)
 def test_a_sample_that_remembers_where_rows_lay_answers_as_one_that_does_not(folder: Path) -> None:
     of = reconstructions_of("tiny", folder, "conf")
     cells = [drawn.cell for drawn in of.cells]
-    places: Places = {}
+    there: Places = {}
     for counts in ((2, 2), (2, 2), (3, 1)):  # a shape twice, and another
         ran = []
         for cell, count in zip(cells, counts, strict=True):
             with cell.runner() as runner:
                 ran.append((cell, [(k, record) for k in range(count) for record in runner.run(k)]))
-        remembers, forgets = Sample(of.study, ran, places), Sample(of.study, ran)
+        remembers, forgets = Sample(of.study, ran, there), Sample(of.study, ran)
         ours, theirs = {"name": "line"}, {"name": "set"}
         for answer, wanted in (
             (remembers.select(episode=[0, 2]), forgets.select(episode=[0, 2])),
@@ -141,22 +145,47 @@ def test_a_sample_that_remembers_where_rows_lay_answers_as_one_that_does_not(fol
         ):
             pd.testing.assert_frame_equal(answer.reset_index(drop=True), wanted.reset_index(drop=True))
         assert len(remembers.pairs(ours, theirs)) == min(counts)
-    assert len(places) == 2
+    assert len(there) == 2
+
+
+def test_a_search_finds_what_the_sample_misses_and_goes_on_where_it_was_stopped(folder: Path) -> None:
+    file = folder / "conf/study/tiny.yaml"
+    file.write_text(file.read_text().replace("printed: 1.0 s, within: 0.1 s", "printed: 11.11 s, within: 0.02 s"))
+    of, samples = reconstructions_of("tiny", folder, "conf"), Samples(folder / "there")
+    rows = pd.DataFrame(run_block(Block(of, DRAWN, 0, 0, 0, 40)))
+    drawn = Drawn(rows, places(0, len(of.names), rows), of.names, of.reaches, pd.DataFrame())
+    told: list[int] = []
+
+    def best() -> tuple[Target, Met, dict[str, bytes]]:
+        searches = Searches(
+            of, drawn, samples, seed=0, evaluations=320, workers=1, told=lambda _, done, of: told.append(done)
+        )
+        (target,) = (one for one in targets(searches.claims) if one.name == "without time")
+        assert searches.free == of.reaches["fast"]
+        return target, searches.meet(target), {file.name: file.read_bytes() for file in samples.path.glob("*.parquet")}
+
+    target, met, parts = best()
+    assert target.cost(values_in(drawn, target)).min() >= 1.0
+    assert target.cost(met.values[None])[0] < 1.0
+    assert of.tell(met.u).values[-1] == pytest.approx(11.11, abs=0.025)
+    assert (len(parts), told[-1]) == (10, 320)
+    (samples.path / sorted(parts)[4]).unlink()
+    assert best()[2] == parts
 
 
 def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command: Command, folder: Path) -> None:
     words = ("multiverse", "tiny", "--config-dir", "conf")
-    assert command(*words, "n=256", "decide=0", "workers=1", "out=once").code == 0
-    assert command(*words, "n=128", "decide=0", "workers=2", "out=again").code == 0
+    assert command(*words, "n=256", "decide=0", "search=0", "workers=1", "out=once").code == 0
+    assert command(*words, "n=128", "decide=0", "search=0", "workers=2", "out=again").code == 0
     (folder / "again/drawn-03-000000-008.parquet").unlink()
-    assert command(*words, "n=256", "decide=0", "workers=1", "out=again").code == 0
+    assert command(*words, "n=256", "decide=0", "search=0", "workers=1", "out=again").code == 0
     once, again = (sorted((folder / name).glob("*.parquet")) for name in ("once", "again"))
     assert len(once) == 32
     assert [(file.name, file.read_bytes()) for file in once] == [(file.name, file.read_bytes()) for file in again]
 
 
 def test_another_prior_is_refused_and_what_is_there_stays(command: Command, folder: Path) -> None:
-    words = ("multiverse", "tiny", "n=128", "decide=0", "workers=1", "--config-dir", "conf")
+    words = ("multiverse", "tiny", "n=128", "decide=0", "search=0", "workers=1", "--config-dir", "conf")
     assert command(*words).code == 0
     before = sorted((folder / "outputs/multiverse/tiny").glob("*.parquet"))
     done = command(*words, "seed=1")
