@@ -44,6 +44,7 @@ def multiverse(arguments: Sequence[str]) -> int:
     from navbench.cli.progress import complain, progress
     from navbench.cli.sampling import BLOCKS, blocks_of
     from navbench.experiments.engines import run
+    from navbench.experiments.files import locked
     from navbench.experiments.samples import Samples
 
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
@@ -51,12 +52,15 @@ def multiverse(arguments: Sequence[str]) -> int:
     of = reconstructions_of(name, tuned, words.config_dir)
     for claim, why in of.unmeasured().items():
         complain(f"{claim}: has no case in the study's own reconstruction; {why}")
-    samples.begin(prior_of(of, options["seed"]), other_code=words.other_code)
     blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
-    todo = [block for block in blocks if not samples.has(block.name)]
-    total, done = sum(block.size for block in blocks), sum(block.size for block in blocks if block not in todo)
+    total = done = sum(block.size for block in blocks)
     try:
-        with progress() as told:
+        with locked(samples.path), progress() as told:
+            samples.begin(prior_of(of, options["seed"]), other_code=words.other_code)
+            for file in samples.discard_damaged():
+                complain(f"{file}: damaged, and made anew")
+            todo = [block for block in blocks if not samples.has(block.name)]
+            done -= sum(block.size for block in todo)
             for index, columns in run(BLOCKS, todo, "local", options["workers"]):
                 samples.write(todo[index].name, columns)
                 done += todo[index].size

@@ -11,13 +11,15 @@ from navbench.reading import printable
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
+    from navbench.experiments.samples import Samples
     from navbench.experiments.store import Results
 
 HELP = """navbench verify DIR...: say whether results are whole, complete, and of the installed code; run nothing
 
 It looks at the manifest, the checksum of every part, the planned episodes and evaluations, the code that made the parts
-and the versions of packages, and prints a line for each thing that is missing or other. What people read (CSV files,
-tables, pictures) is not looked at: `navbench report` makes it from the parts.
+and the versions of packages, and prints a line for each thing that is missing or other; of a multiverse's
+reconstructions it looks at the checksums. What people read (CSV files, tables, pictures) is not looked at: `navbench
+report` makes it from the parts.
 
 exit code: 0 if all is well, 3 if something is missing or other, 2 where there are no results
 """
@@ -28,6 +30,7 @@ def verify(arguments: Sequence[str]) -> int:
     """Print what is missing or other in results directories, and return the exit code."""
     words = sort_words(arguments, ())
     from navbench.experiments.parts import KINDS
+    from navbench.experiments.samples import PRIOR, Samples
     from navbench.experiments.store import Results
 
     for word in words.overrides:
@@ -38,6 +41,9 @@ def verify(arguments: Sequence[str]) -> int:
     for name in words.names:
         if not Path(name).is_dir():
             raise DescriptionError(f"verify {name}: there is no such directory")
+        if (Path(name) / PRIOR).is_file():
+            code = _verify_samples(Samples(Path(name))) or code
+            continue
         results = Results(Path(name))
         problems = list(problems_of(results))
         for problem in problems:
@@ -48,6 +54,18 @@ def verify(arguments: Sequence[str]) -> int:
             print(printable(f"{name}: all well: {episodes} episodes in {count} parts"))
         code = UNFINISHED if problems else code
     return code
+
+
+def _verify_samples(samples: "Samples") -> int:
+    """Print what is wrong with a multiverse's reconstructions, and return the exit code."""
+    from navbench.experiments.samples import DRAWN
+
+    faults = samples.faults()
+    for file, fault in faults.items():
+        print(printable(f"{samples.path}: {file}: {fault}"))
+    if not faults:
+        print(printable(f"{samples.path}: all well: {len(samples.read(DRAWN))} reconstructions"))
+    return UNFINISHED if faults else 0
 
 
 def problems_of(results: "Results") -> Iterator[str]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from navbench.experiments import parts
 from navbench.experiments.files import replacing
 from navbench.experiments.store import ResultsError, write_table
 
@@ -49,22 +50,35 @@ class Samples:
         """Return whether a block is there."""
         return (self.path / f"{name}.parquet").is_file()
 
+    def faults(self) -> dict[str, str]:
+        """Return the blocks that are damaged or bear no checksum, by their files, and which of both."""
+        files = sorted(str(file.relative_to(self.path)) for file in self.path.rglob("*.parquet"))
+        return {name: fault for name in files if (fault := parts.fault_of(self.path, name, seals=False))}
+
+    def discard_damaged(self) -> list[Path]:
+        """Remove the blocks that are damaged, to be made anew, and return their files."""
+        damaged = [self.path / name for name, fault in self.faults().items() if fault == parts.DAMAGED]
+        for file in damaged:
+            file.unlink()
+            (self.path / file.name).unlink(missing_ok=True)  # the block, where the seconds beside it are damaged
+        return damaged
+
     def write(self, name: str, columns: Mapping[str, Any]) -> None:
         """Write a block: columns of one length; how long each took lies apart, for it is never the same twice."""
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         kept = {key: column for key, column in columns.items() if key != SECONDS}
         apart = {f"{SECONDS}/{name}": {SECONDS: columns[SECONDS]}} if SECONDS in columns else {}
         for file, table in {**apart, name: kept}.items():
-            with replacing(self.path / f"{file}.parquet") as temporary:
-                pq.write_table(pa.table(table), temporary, compression="zstd")
+            parts.write(self.path, f"{file}.parquet", pa.table(table), {})
 
     def part(self, name: str) -> "pd.DataFrame":
-        """Return a block that is there."""
-        import pyarrow.parquet as pq
+        """Return a block that is there.
 
-        frame: pd.DataFrame = pq.read_table(self.path / f"{name}.parquet", use_threads=False).to_pandas()
+        Raises:
+            DescriptionError: it is damaged.
+        """
+        frame: pd.DataFrame = parts.read(self.path, f"{name}.parquet").to_pandas()
         return frame
 
     def prior(self) -> dict[str, Any]:
@@ -94,15 +108,14 @@ class Samples:
         """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any."""
         import pandas as pd
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         files = sorted(self.path.glob(f"{kind}-*.parquet"))
         if not files:
             return pd.DataFrame()
         tables = []
         for file in files:
-            table = pq.read_table(file, use_threads=False)
-            seconds = pq.read_table(file.parent / SECONDS / file.name, use_threads=False)
+            table = parts.read(self.path, file.name)
+            seconds = parts.read(self.path, f"{SECONDS}/{file.name}")
             tables.append(table.append_column(SECONDS, seconds[SECONDS]))
         frame: pd.DataFrame = pa.concat_tables(tables).to_pandas()
         return frame.sort_values(["scramble", "index", "moved"], kind="stable", ignore_index=True)

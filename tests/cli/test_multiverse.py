@@ -16,6 +16,7 @@ from navbench.cli.prior import reconstructions_of
 from navbench.cli.sample import Places, Sample
 from navbench.cli.sampling import Block, places, run_block
 from navbench.cli.searching import Searches
+from navbench.experiments.files import locked
 from navbench.experiments.samples import DRAWN, Samples
 
 WORLD = """
@@ -182,6 +183,29 @@ def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command
     once, again = (sorted((folder / name).glob("*.parquet")) for name in ("once", "again"))
     assert len(once) == 32
     assert [(file.name, file.read_bytes()) for file in once] == [(file.name, file.read_bytes()) for file in again]
+
+
+def test_a_damaged_block_is_found_named_and_made_anew_and_nobody_else_writes_meanwhile(
+    command: Command, folder: Path
+) -> None:
+    words = ("multiverse", "tiny", "n=128", "decide=0", "search=32", "workers=1", "--config-dir", "conf", "out=there")
+    assert command(*words).code == 0
+    assert command("verify", "there").out == "there: all well: 128 reconstructions\n"
+    for name in ("drawn-03-000000-008", "seconds/drawn-05-000000-008", "searched-01-000"):
+        file = folder / "there" / f"{name}.parquet"
+        before = file.read_bytes()
+        file.write_bytes(before[:200] + bytes([before[200] ^ 1]) + before[201:])
+        done = command("verify", "there")
+        assert (done.code, done.out) == (3, f"there: {name}.parquet: damaged\n")
+        done = command(*words)
+        assert done.code == 0
+        assert f"{Path(name).name}.parquet: damaged, and made anew" in done.err
+        assert command("verify", "there").code == 0
+        assert name.startswith("seconds") or file.read_bytes() == before
+    with locked(folder / "there"):
+        done = command(*words)
+    assert done.code == 2
+    assert "there: a run goes on here: process " in done.err
 
 
 def test_another_prior_is_refused_and_what_is_there_stays(command: Command, folder: Path) -> None:
