@@ -3,9 +3,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 NEWER := build/trixie
+IMAGE := build/image
 STUDIES := aouf2019 zhao2017 zhao2018 nemeiksis2019 lei2014 papers
 
-.PHONY: run test test-newer lint format clean tuned results
+.PHONY: run test test-newer test-container lint format clean tuned results
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
@@ -16,6 +17,9 @@ test: $(STAMP) ## all tests, on all cores
 
 test-newer: ## all tests under CPython 3.13, in a Debian root made by debootstrap (as root; kept in NEWER)
 	.ci/newer.sh $(NEWER)
+
+test-container: ## the image's own installation, run by any user from a root that is only read (as root; kept in IMAGE)
+	.ci/container.sh $(IMAGE)
 
 lint: $(STAMP) ## style and types
 	$(BIN)/ruff check .

@@ -5,7 +5,8 @@ inlined would live on. Here every function's code is kept under the digest of al
 the controllers hold; a user's function also under that of the sources beside its own file.
 
 The files lie in ``NAVBENCH_CACHE_DIR``, else in the user's cache directory, else in a temporary directory of this user.
-Where none of them can be written, functions are compiled anew in each process.
+What ``NAVBENCH_CACHE_DIR`` holds is read also where it cannot be written, as in an image. Where no place can be
+written, functions are compiled anew in each process.
 """
 
 import hashlib
@@ -115,11 +116,13 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what was kept for a signature, or None."""
         target_context.refresh()
-        try:
-            kept = self._file(sig, target_context.codegen()).read_bytes()
-            return CompileResult._rebuild(target_context, *pickle.loads(kept))  # type: ignore[no-untyped-call,unused-ignore]
-        except Exception:  # nothing is kept, or a file was cut off, which unpickling may answer with any error
-            return None
+        for folder in (_given, _folder):
+            try:
+                kept = (folder(self._digest) / self._name(sig, target_context.codegen())).read_bytes()
+                return CompileResult._rebuild(target_context, *pickle.loads(kept))  # type: ignore[no-untyped-call,unused-ignore]
+            except Exception:  # nothing is kept, or a file was cut off, which unpickling may answer with any error
+                continue
+        return None
 
     def save_overload(self, sig: Any, cres: Any) -> None:
         """Keep what was compiled, unless it holds addresses of this process or a source has changed meanwhile."""
@@ -127,7 +130,7 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
         if changed or cres.library.has_dynamic_globals or " at 0x" in repr(sig):
             return
         with suppress(Exception):  # no room, no right to write, or nothing to pickle: the next process compiles again
-            file = self._file(sig, cres.codegen)
+            file = _folder(self._digest) / self._name(sig, cres.codegen)
             temporary = file.with_name(f".{file.name}.{os.getpid()}")
             try:
                 temporary.write_bytes(_dumps(cres._reduce()))
@@ -135,12 +138,17 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
             finally:
                 temporary.unlink(missing_ok=True)
 
-    def _file(self, sig: Any, codegen: Any) -> Path:
+    def _name(self, sig: Any, codegen: Any) -> str:
         code = self._function.__code__
         closed = tuple(cell.cell_contents for cell in self._function.__closure__ or ())
         name = (self._function.__module__, self._function.__qualname__, code.co_firstlineno)
         key = repr((*name, code.co_code, _dumps(closed), sig, codegen.magic_tuple()))
-        return _folder(self._digest) / f"{self._function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:32]}"
+        return f"{self._function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:32]}"
+
+
+def _given(digest: str) -> Path:
+    """Return the folder of one state of the sources in the place that is given, which need not be there or writable."""
+    return Path(os.environ.get("NAVBENCH_CACHE_DIR") or os.devnull, "compiled", digest)
 
 
 @cache

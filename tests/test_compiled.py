@@ -135,6 +135,13 @@ def test_without_a_home_the_cache_is_a_temporary_directory_that_only_this_user_m
     assert said(start(tree, **settings)) == "20.0 0"
 
 
+def test_what_is_kept_where_nothing_can_be_written_is_used_all_the_same(tree: Path) -> None:
+    said(start(tree))
+    before = kept(tree.parent / "cache")
+    assert said(start(tree, f"import os; os.access = lambda *_: False; {CALL.format(OURS)}")) == "20.0 1"
+    assert kept(tree.parent / "cache") == before
+
+
 def test_where_nothing_can_be_written_functions_are_compiled_without_a_cache(tree: Path) -> None:
     nowhere = str(tree / "navbench/compiled.py/home")
     program = f"import tempfile; tempfile.tempdir = {nowhere!r}; {CALL.format(OURS)}"
