@@ -1,13 +1,18 @@
 """The benchmarks run; how fast anything is, is not tested."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from benchmarks import soak
 from benchmarks.__main__ import SECTIONS, main
 from benchmarks.harness import Table, shown
 from navbench.mathematics.statistics import Estimate
+from navbench.records import RobotRecord
+from navbench.world.layout import Layout
+from navbench.world.shapes import Disc
 
 
 def test_every_section_runs_and_finds_finite_figures(tmp_path: Path) -> None:
@@ -48,3 +53,30 @@ def test_figures_have_three_digits() -> None:
 
 def sample(title: str, figure: float) -> Table:
     return Table(title, "What it is.", ("", "figure"), [("a", figure)])
+
+
+def test_the_checker_of_the_soak_finds_no_fault_in_either_simulator() -> None:
+    for simulator in ("planar", "pybullet"):
+        findings = [finding for number in range(8) for finding in soak.check(number, simulator)]
+        told, is_well = soak.row(simulator, findings)
+        assert is_well, told
+        assert sum(finding.off_touch_m > 0.0 for finding in findings) >= 3
+
+
+def test_the_checker_of_the_soak_sees_what_a_simulator_would_have_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    number = next(k for k in range(3, 99) if soak.run(soak.scene(k), k, "planar")[0].outcome == "reached")
+    driven = soak.run
+
+    def late(layout: Layout, number: int, simulator: str) -> list[RobotRecord]:
+        first, *others = driven(layout, number, simulator)
+        states = first.states.copy()
+        states[-1, 0] += 1e-7
+        return [first._replace(states=states), *others]
+
+    monkeypatch.setattr(soak, "run", late)
+    assert soak.check(number, "planar")[0].arrival > soak.INSTANT
+    x, y = driven(soak.scene(number), number, "planar")[0].states[-5, 1:3].tolist()
+    monkeypatch.setattr(soak, "run", driven)
+    (path, *_), layout = [soak.Path(r) for r in driven(soak.scene(number), number, "planar")], soak.scene(number)
+    post = replace(layout, discs=(Disc(x + 0.1 + 1e-3 - 1e-6, y, 1e-3),))
+    assert soak.least_gap(soak.gaps_of(post, [path], 0)[0], path.end_s, 2.0) <= -1e-6
