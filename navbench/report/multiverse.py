@@ -134,9 +134,9 @@ def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
     bits = [(name, value) for name, value in worth(shares, told.drawn)[:3] if value > 0.0]
     most = ", ".join(f"`{name}` ({value:.2f} bit)" for name, value in bits)
     lines = [
-        f"Of {len(shares)} claims, {counts['robust']} hold in nearly every reconstruction (robust), "
-        f"{counts['contradicted']} in hardly any (contradicted), {counts['out of reach']} in none of "
-        f"{len(told.drawn.rows)}, and {counts['open']} are open: they hang on what the paper does not print.",
+        f"{len(shares)} claims: {counts['robust']} robust, holding in nearly every reconstruction; "
+        f"{counts['contradicted']} contradicted, holding in hardly any; {counts['out of reach']} out of reach, "
+        f"holding in none of {len(told.drawn.rows)}; {counts['open']} open, hanging on what the paper does not print.",
         _together(told.best, told.search) if told.best else "No claim prints a number.",
         f"The missing values that tell most of all verdicts together: {most}." if most else "No value tells of them.",
     ]
