@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import driven, reached
-from navbench.mathematics.statistics import wilson
+from navbench.mathematics.statistics import clopper_pearson
 from navbench.metrics import DECLARED, Metric
 from navbench.reading import flat
 from navbench.report import markdown
@@ -108,7 +108,7 @@ def summary(page: Page) -> Blocks:
     summed = [*(metric.name for metric in held), *FAILURES, "makespan_s"]
     rows = []
     for row in table.to_dict("records"):
-        arrived = wilson(row["reached"], row["of"]) if row["of"] else None
+        arrived = clopper_pearson(row["reached"], row["of"]) if row["of"] else None
         told = [row[key] for key in ("name", "label", "simulator", "seed")]
         rows.append([*told, arrived, arrived, *(row[name] for name in summed)])
     columns = [Column("world", "world"), Column("controller", "controller")]
