@@ -85,7 +85,7 @@ def main(arguments: list[str] | None = None, readme: Path = README) -> list[Tabl
         parser.error(f"section {unknown[0]}: must be one of {', '.join(SECTIONS)}")
     effort = QUICK if given.quick else Effort(given.rounds)
     kept = dict(re.findall(r"(?ms)^## (.*?)\n(.*?)(?=^## |\Z)", readme.read_text())) if readme.is_file() else {}
-    texts = {title: f"## {title}\n{body}" for title, body in kept.items()}
+    texts = {title: f"## {title}\n\n{body.strip()}\n\n" for title, body in kept.items()}
     asked = [partial(SECTIONS[name], effort) for name in given.sections or SECTIONS]
     asked += [partial(studies, given.studies)] if given.studies else []
     tables = []

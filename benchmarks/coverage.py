@@ -296,8 +296,7 @@ def picture(lines: list[tuple[Any, ...]]) -> None:
         ax.set_xticks([2, 5, 10, 20, 50, 100, 200], ["2", "5", "10", "20", "50", "100", "200"], fontsize=8)
         ax.minorticks_off()
         ax.grid(alpha=0.25)
-    figure.supxlabel("cases", fontsize=9)
-    figure.supylabel("coverage of a 95 % interval", fontsize=9)
+    figure.supylabel("coverage of a 95 % interval, by the number of cases", fontsize=9)
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False
     )

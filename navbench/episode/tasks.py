@@ -137,6 +137,16 @@ class FreeSpace:
             )
 
 
+def why_impossible(world: DrawnWorld, radius_m: float) -> str:
+    """Return why no robot of this radius [m] can do a drawn world's task from its own starts; empty where one can."""
+    try:
+        world.check_fits(radius_m, world.goal_tolerance_m)
+        FreeSpace(world, radius_m).check(world.starts)
+    except ImpossibleError as error:
+        return str(error)
+    return ""
+
+
 @compiled
 def _is_free(
     x_m: float, y_m: float, goal_x_m: float, goal_y_m: float, tolerance_m: float, near_m: float,

@@ -88,10 +88,10 @@ def test_a_door_that_the_robot_touches_on_both_sides_counts_as_open_and_a_narrow
     radius_m: float,
 ) -> None:
     for door_radii, is_open in ((2.0, True), (2.0 - 3.0 * SLACK, False)):
-        scaled = [
-            Wall(*(radius_m * v for v in (w.x1_m, w.y1_m, w.x2_m, w.y2_m)), 1e-9) for w in a_room(door_m=door_radii)
-        ]
-        assert is_possible(radius_m, walls=tuple(scaled), goals=(Point(10.0 * radius_m, 0.0),)) == is_open, door_radii
+        room = a_room(door_m=door_radii)
+        ends = [[radius_m * end for end in (wall.x1_m, wall.y1_m, wall.x2_m, wall.y2_m)] for wall in room]
+        walls = tuple(Wall(x1, y1, x2, y2, 1e-9) for x1, y1, x2, y2 in ends)
+        assert is_possible(radius_m, walls=walls, goals=(Point(10.0 * radius_m, 0.0),)) == is_open, door_radii
 
 
 def test_round_things_are_never_larger_than_they_are() -> None:
