@@ -127,10 +127,10 @@ def share_of_scrambles(y: BoolArray, *, confidence: float = CONFIDENCE) -> Estim
     """Return the share of verdicts that hold, over independent scrambles; n counts all points.
 
     Points of one scramble are not independent, but the scrambles' shares are: the interval is Student's t of these,
-    wider by half a point to either side, for they come in steps of one, and clipped to [0, 1]. With one scramble, or where all shares agree (as they do where every verdict is the same, or
-    none of few scrambles met a rare case), no spread was seen from which to tell one; there it is that of
-    ``clopper_pearson``, as if all points were independent, which is mostly too wide, because a Sobol sequence fills the
-    cube more evenly.
+    wider by half a point to either side, for they come in steps of one, and clipped to [0, 1]. With one scramble, or
+    where all shares agree (as they do where every verdict is the same, or none of few scrambles met a rare case), no
+    spread was seen from which to tell one; there it is that of ``clopper_pearson``, as if all points were independent,
+    which is mostly too wide, because a Sobol sequence fills the cube more evenly.
 
     Args:
         y: (k, n) verdicts, a row for each scramble.
