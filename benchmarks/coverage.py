@@ -10,8 +10,8 @@ What is simulated was fixed before it was run: the numbers of cases ``CASES``, 1
 - Medians: of the same three distributions, and of their paired differences.
 - Shares over scrambles: six factors at 64 points, of which one, two or all decide; populations of 2,000 scrambles.
 
-A cell is one interval for one number of cases: the mean over its truths, and the least. The bar is 93.5 % of a nominal
-95 %, from the least number of cases on from which the interval is told; the least has to pass it too.
+Of each interval and number of cases the mean over its truths is told, and the least. The bar is 93.5 % of a nominal
+95 %, from the number of cases on from which the interval is told; the least has to pass it too.
 """
 
 import csv
@@ -253,16 +253,15 @@ def coverage(effort: Effort) -> Table:
         picture(lines)
     rows: list[tuple[Cell, ...]] = []
     for name, kind in KINDS.items():
-        found = [at(lines, name, n) for n in cases]
-        shown = (
-            f"{100 * mean:.1f} ({100 * least:.1f})" if n >= kind.least else "–"
-            for n, (mean, least) in zip(cases, found, strict=True)
-        )
-        rows.append((name, str(kind.least), *shown))
+        found = [at(lines, name, n) if n >= kind.least else None for n in cases]
+        for i, which in enumerate(("mean", "least")):
+            rows.append(
+                (f"{name}, {which}", str(kind.least), *("–" if one is None else 100.0 * one[i] for one in found))
+            )
     text = (
-        f"In how many of {samples:,} samples a 95 % interval holds the truth [%]: the mean over the truths and, in "
-        f"brackets, the least; see coverage.py. From the second column's number of cases on the interval is told, and "
-        f"below it none. Nominal less 1.5 is {100 * BAR:.1f}.\n\n![Coverage by the number of cases](coverage.png)"
+        f"In how many of {samples:,} samples a 95 % interval holds the truth [%], by the number of cases: the mean "
+        f"over the truths and the least, see coverage.py. From the second column's number on the interval is told, and "
+        f"below it none. Nominal less 1.5 is {100.0 * BAR:.1f}.\n\n![Coverage by the number of cases](coverage.png)"
     )
     return Table("Coverage of intervals", text, ("", "from", *map(str, cases)), rows)
 
