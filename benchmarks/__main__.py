@@ -13,6 +13,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from benchmarks.coverage import coverage
 from benchmarks.decomposition import decomposition
 from benchmarks.environments import environments
 from benchmarks.harness import Cell, Effort, Table
@@ -34,18 +35,19 @@ SECTIONS: dict[str, Callable[[Effort], Table]] = {
     "memory": memory,
     "startup": startup,
     "shares": shares,
+    "coverage": coverage,
 }
 PACKAGES = ("numpy", "numba", "pybullet", "navground", "ir-sim", "scikit-fuzzy")
 README = Path(__file__).with_name("README.md")
 QUICK = Effort(2, 0.001, is_quick=True)
-HEAD = """# Speed
+HEAD = """# Speed, and how often intervals hold
 
 Written by `python -m benchmarks`, which measures this on your machine; `pip install -e '.[bench,gym]'` brings the
 peers, and one that is missing is named as missing. `python -m benchmarks loop rays` measures two sections anew and
 leaves the others; `--rounds 15` narrows the intervals.
 
 Sides are measured in turn, in CPU seconds of the process; a speed is the median of the rounds, a ratio the median of
-the rounds' ratios with its 95 % bootstrap interval. Absolute speeds are those of one machine: compare ratios.
+the rounds' ratios with its 95 % interval, from 6 rounds on. Absolute speeds are those of one machine: compare ratios.
 """
 
 
@@ -83,7 +85,7 @@ def main(arguments: list[str] | None = None, readme: Path = README) -> list[Tabl
         parser.error(f"section {unknown[0]}: must be one of {', '.join(SECTIONS)}")
     effort = QUICK if given.quick else Effort(given.rounds)
     kept = dict(re.findall(r"(?ms)^## (.*?)\n(.*?)(?=^## |\Z)", readme.read_text())) if readme.is_file() else {}
-    texts = {title: f"## {title}\n{body}" for title, body in kept.items()}
+    texts = {title: f"## {title}\n\n{body.strip()}\n\n" for title, body in kept.items()}
     asked = [partial(SECTIONS[name], effort) for name in given.sections or SECTIONS]
     asked += [partial(studies, given.studies)] if given.studies else []
     tables = []

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navbench.mathematics.statistics import Estimate, bootstrap_median
+from navbench.mathematics import statistics
+from navbench.mathematics.statistics import Estimate
 
 Side = Callable[[], float]  # does some work, and returns how much
 Sides = Mapping[str, Side | str]  # or a word on why it cannot
@@ -49,7 +50,7 @@ class Table(NamedTuple):
     def figures(self) -> list[float]:
         """Return every number in the table."""
         cells = [cell for row in self.rows for cell in row if not isinstance(cell, str)]
-        return [x for cell in cells for x in (cell[:3] if isinstance(cell, Estimate) else [cell])]
+        return [x for cell in cells for x in (told(cell) if isinstance(cell, Estimate) else [cell])]
 
     def markdown(self) -> str:
         """Return the table as Markdown, with its title and text."""
@@ -57,19 +58,25 @@ class Table(NamedTuple):
         return "\n".join([f"## {self.title}\n", f"{self.text}\n", *(f"| {' | '.join(row)} |" for row in rows), ""])
 
 
+def told(estimate: Estimate) -> tuple[float, ...]:
+    """Return a figure and its limits, where it has any."""
+    return estimate[:1] if math.isnan(estimate.low) else estimate[:3]
+
+
 def shown(cell: Cell) -> str:
     """Return a cell's text: three digits, and the interval in brackets."""
     if isinstance(cell, str):
         return cell
     if isinstance(cell, Estimate):
-        return f"{shown(cell.value)} [{shown(cell.low)}, {shown(cell.high)}]"
+        value, *limits = map(shown, told(cell))
+        return f"{value} [{', '.join(limits)}]" if limits else value
     digits = 2 - math.floor(math.log10(abs(cell))) if cell else 0
     return f"{round(cell, digits):,.{max(digits, 0)}f}"
 
 
 def median(values: list[float]) -> Estimate:
-    """Return the median with its 95 % bootstrap interval."""
-    return bootstrap_median(np.array(values), np.random.default_rng(0))
+    """Return the median with its 95 % interval, of 6 values or more."""
+    return statistics.median(np.array(values))
 
 
 def rates(

@@ -11,7 +11,11 @@ from navbench.metrics import DECLARED, Metric
 from navbench.world.layout import Layout
 
 FloatArray = NDArray[np.float64]
-Outcome = Literal["reached", "collided", "timed_out", "controller_error", "no_layout"]
+Outcome = Literal["reached", "collided", "timed_out", "controller_error", "no_layout", "impossible"]
+NOT_DRIVEN = {  # outcomes of episodes in which no controller had a part, and what is said of some
+    "no_layout": "layouts could not be drawn",
+    "impossible": "tasks are impossible",
+}
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -31,7 +35,8 @@ class RobotRecord(NamedTuple):
 
     Attributes:
         robot_index: which robot of the world.
-        outcome: "reached", "collided", "timed_out", "controller_error", or "no_layout" where none could be drawn.
+        outcome: "reached", "collided", "timed_out", "controller_error"; "no_layout" where none could be drawn, or
+            "impossible" where one was in which the task cannot be done.
         reason: what it hit, or what the controller did; empty where the outcome says all.
         metrics: each metric's value by its name.
         states: (n + 1, 6) t [s], x, y [m], heading [rad], v [m/s], w [rad/s] of the world at the beginning of each of

@@ -1,5 +1,6 @@
 """The benchmarks run; how fast anything is, is not tested."""
 
+import csv
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 
 from benchmarks import soak
 from benchmarks.__main__ import SECTIONS, main
+from benchmarks.coverage import BAR, CASES, FILES, KINDS
 from benchmarks.harness import Table, shown
 from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
@@ -46,9 +48,23 @@ def test_an_unknown_section_is_named(capsys: pytest.CaptureFixture[str]) -> None
     assert "section lop: must be one of loop, " in capsys.readouterr().err
 
 
+def test_every_interval_holds_the_truth_from_the_number_of_cases_on_at_which_it_is_told() -> None:
+    with FILES[0].open() as file:
+        lines = list(csv.DictReader(file))
+    assert {line["interval"]: line["truth"] for line in lines}.keys() == KINDS.keys()
+    for name, kind in KINDS.items():
+        told = [line for line in lines if line["interval"] == name and int(line["cases"]) >= kind.least]
+        assert {(line["truth"], int(line["cases"])) for line in told} == {
+            (truth, n) for truth in kind.truths for n in CASES if n >= kind.least
+        }
+        assert all(float(line["told"]) == 1.0 and float(line["coverage"]) >= BAR for line in told), name
+        assert all(int(line["samples"]) >= 10_000 for line in told)
+
+
 def test_figures_have_three_digits() -> None:
     assert [shown(x) for x in (1234567.0, 12.345, 0.012345, 0.0)] == ["1,230,000", "12.3", "0.0123", "0"]
     assert shown(Estimate(1.0, 0.5, 2.0, 3)) == "1.00 [0.500, 2.00]"
+    assert shown(Estimate(1.0, math.nan, math.nan, 3)) == "1.00"
 
 
 def sample(title: str, figure: float) -> Table:

@@ -91,7 +91,7 @@ def test_your_own_study_answers_its_claims_with_a_measure_of_your_own(folder: Pa
     printed = navbench(folder, "study", "quicker", "--config-dir", "conf", "workers=2")
     assert "report: results/quicker/report.md" in printed
     table = pd.read_csv(folder / "results/quicker/claims.csv").set_index("id")
-    assert table["verdict"].to_dict() == {"quicker": "contradicted", "turns": "supported"}
+    assert table["verdict"].to_dict() == {"quicker": "undecided", "turns": "supported"}
     assert table["n"].tolist() == [20, 20]
     refused = subprocess.run([NAVBENCH, "report", "outputs/study/quicker"], cwd=folder, capture_output=True, text=True)
     assert refused.returncode == 2

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import outcomes
-from navbench.mathematics.statistics import Estimate, bootstrap_median, median_and_range, newcombe_paired, share
+from navbench.mathematics.statistics import Estimate, median, median_and_range, newcombe_paired, share
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.figures import PALETTE, new_figure
 from navbench.report.page import Page, Select
@@ -119,7 +118,7 @@ def gains(
 ) -> Blocks:
     """Return by how much lengths and times fell, in percent of the other controller's, robot by robot.
 
-    Pairs are those in which both reached; the median pair's decrease stands with the bootstrap's interval where there
+    Pairs are those in which both reached; the median pair's decrease stands with its interval where there
     are at least 10 pairs, else with the range. An increase is negative.
 
     Args:
@@ -143,8 +142,4 @@ def gains(
 def _median(values: Any) -> Estimate | None:
     if not len(values):
         return None
-    return (
-        median_and_range(values)
-        if len(values) < MANY
-        else bootstrap_median(values, np.random.default_rng(RESAMPLING_SEED))
-    )
+    return median_and_range(values) if len(values) < MANY else median(values)

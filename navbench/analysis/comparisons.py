@@ -3,11 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from navbench.analysis.estimates import median_of, share_of
 from navbench.analysis.fleets import fleets
-from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics.statistics import (
     Estimate,
@@ -66,7 +63,7 @@ def compare(stored: StoredResults, select: Mapping[str, Any], label: str, refere
     time_s, other_s = rows["time_s"].to_numpy(), rows["time_s_other"].to_numpy()
     metrics = compared_metrics(stored)
     medians = {metric.name: median_of(reached(rows)[metric.name].dropna().to_numpy()) for metric in metrics}
-    alone = share(mine), restricted_mean(time_s, mine, limit_s, np.random.default_rng(RESAMPLING_SEED))
+    alone = share(mine), restricted_mean(time_s, mine, limit_s)
     if label == reference:
         return Comparison(label, alone[0], None, alone[1], None, None, medians, {})
     both = rows[mine & other]
@@ -75,7 +72,7 @@ def compare(stored: StoredResults, select: Mapping[str, Any], label: str, refere
         alone[0],
         newcombe_paired(mine, other),
         alone[1],
-        restricted_mean_difference(time_s, mine, other_s, other, limit_s, np.random.default_rng(RESAMPLING_SEED)),
+        restricted_mean_difference(time_s, mine, other_s, other, limit_s),
         win_ratio(time_s, mine, other_s, other),
         medians,
         {metric.name: _share_better(metric, both) for metric in metrics},
@@ -91,8 +88,7 @@ def level(stored: StoredResults, metric: str, select: Mapping[str, Any]) -> floa
     if metric == "reached":
         return float(arrived.mean())
     if metric == "time_s":
-        rng = np.random.default_rng(RESAMPLING_SEED)
-        return restricted_mean(rows["time_s"].to_numpy(), arrived, stored.shared_time_limit_s(rows), rng).value
+        return restricted_mean(rows["time_s"].to_numpy(), arrived, stored.shared_time_limit_s(rows)).value
     return float(rows[metric][arrived].median())
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from navbench.mathematics.statistics import Estimate, wilson
+from navbench.mathematics.statistics import Estimate, clopper_pearson
 
 CENTRAL = 0.9
 
@@ -40,8 +40,8 @@ def median_of(values: ArrayLike) -> Distribution | None:
 
 
 def share_of(cases: ArrayLike) -> Estimate | None:
-    """Return the share of cases that hold, with Wilson's interval; None of no case."""
+    """Return the share of cases that hold, with its exact interval; None of no case."""
     cases = np.asarray(cases, dtype=bool)
     if len(cases) == 1:
         return exact(cases[0])
-    return wilson(int(cases.sum()), len(cases)) if len(cases) else None
+    return clopper_pearson(int(cases.sum()), len(cases)) if len(cases) else None

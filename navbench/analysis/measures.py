@@ -8,21 +8,14 @@ of values for columns of the table of episodes. What only one paper's claims mea
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.fleets import fleets
 from navbench.analysis.printed import fraction
 from navbench.analysis.stored import StoredResults, outcomes, reached
-from navbench.mathematics.statistics import (
-    Estimate,
-    bootstrap_median,
-    newcombe_paired,
-    restricted_mean_difference,
-)
+from navbench.mathematics import statistics
+from navbench.mathematics.statistics import Estimate, newcombe_paired, restricted_mean_difference
 
 Select = Mapping[str, Any]
-RESAMPLING_SEED = 0  # of the bootstrap: a report is the same bytes whenever it is written
 
 
 def median(stored: StoredResults, metric: str, select: Select) -> Estimate | None:
@@ -81,8 +74,8 @@ def difference(stored: StoredResults, metric: str, select: Select, than: Select)
     Args:
         stored: the study's results.
         metric: "success", of episodes in which all robots reached, and "reached", of robots: the difference of two
-            shares, with Newcombe's interval; "time_s": of the mean times up to the time limit, failures at the limit;
-            any other metric: the median difference of the pairs in which both reached; both with the bootstrap's.
+            shares; "time_s": of the mean times up to the time limit, failures at the limit; any other metric: the
+            median difference of the pairs in which both reached.
         select: the cells of the first.
         than: the cells of the second, over the same starts.
     """
@@ -98,11 +91,10 @@ def difference(stored: StoredResults, metric: str, select: Select, than: Select)
     if metric == "reached":
         return newcombe_paired(here, there)
     values = pairs[metric].to_numpy(), pairs[f"{metric}_other"].to_numpy()
-    rng = np.random.default_rng(RESAMPLING_SEED)
     if metric == "time_s":
-        return restricted_mean_difference(values[0], here, values[1], there, stored.shared_time_limit_s(pairs), rng)
+        return restricted_mean_difference(values[0], here, values[1], there, stored.shared_time_limit_s(pairs))
     both = here & there
-    return bootstrap_median((values[0] - values[1])[both], rng) if both.any() else None
+    return statistics.median((values[0] - values[1])[both]) if both.any() else None
 
 
 def described_value(stored: StoredResults, table: str, column: str, where: Select) -> Estimate | None:

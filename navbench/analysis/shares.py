@@ -16,7 +16,7 @@ from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
 from navbench.analysis.printed import limits, quantity
 from navbench.mathematics.information import Null, best_pair, information_null
 from navbench.mathematics.sensitivity import flip_probability, pawn_null, share_of_scrambles
-from navbench.mathematics.statistics import Estimate, wilson
+from navbench.mathematics.statistics import Estimate, clopper_pearson
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -189,7 +189,7 @@ def _shares(
 
 
 def _share(holds: BoolArray) -> Estimate | None:
-    return wilson(int(holds.sum()), holds.size) if holds.size else None
+    return clopper_pearson(int(holds.sum()), holds.size) if holds.size else None
 
 
 def _meets(rows: "pd.DataFrame", claims: Mapping[str, Claim], conditioned: Conditioned | None) -> BoolArray:

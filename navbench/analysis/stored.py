@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from navbench.analysis.cases import cases_of
 from navbench.experiments.store import Results, ResultsError
 from navbench.metrics import DECLARED, Metric
+from navbench.records import NOT_DRIVEN
 from navbench.validation import DescriptionError, instead
 from navbench.world.layout import DrawnWorld, in_common, layout_of
 from navbench.world.world import drawn
@@ -89,19 +90,18 @@ class StoredResults:
 
     @cached_property
     def missing(self) -> list[str]:
-        """A sentence on the episodes that were planned and are not there, and one on layouts that were not drawn."""
+        """A sentence each on episodes that are not there, layouts that were not drawn, and impossible tasks."""
         cells = self.cells[["run_id", "tuning", "tuning_seed"]].drop_duplicates()  # as a plan counts its episodes
         there = len(cells.merge(self.rows[["run_id", "episode"]].drop_duplicates()))
         planned = self.manifest["planned"]["episodes"]
         scenes = self.rows["run_id"].map(lambda run_id: str(self.configuration(run_id)["configuration"]["world"]))
         layouts = self.rows.assign(scene=scenes).drop_duplicates(["scene", "world", "seed", "episode"])
-        undrawn = layouts[layouts["outcome"] == "no_layout"]
         told = [f"{there} of {planned} planned episodes are there."] if there < planned else []
-        if len(undrawn):
-            told.append(
-                f"{len(undrawn)} of {len(layouts)} layouts could not be drawn, and count nowhere; the first of them "
-                f"in {undrawn['world'].iloc[0]}, episode {undrawn['episode'].iloc[0]}: {undrawn['reason'].iloc[0]}"
-            )
+        for outcome, says in NOT_DRIVEN.items():
+            lost = layouts[layouts["outcome"] == outcome]
+            if len(lost):
+                first = f"{lost['world'].iloc[0]}, episode {lost['episode'].iloc[0]}: {lost['reason'].iloc[0]}"
+                told.append(f"{len(lost)} of {len(layouts)} {says}, and count nowhere; the first of them in {first}")
         return told
 
     @cached_property
@@ -348,8 +348,8 @@ class StoredResults:
 
 
 def driven(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows of the robots that drove: those of episodes of which a layout could be drawn."""
-    return rows[rows["outcome"] != "no_layout"]
+    """Return the rows of the robots that drove: those of episodes that were run."""
+    return rows[~rows["outcome"].isin(list(NOT_DRIVEN))]
 
 
 def reached(rows: "pd.DataFrame") -> "pd.DataFrame":

@@ -13,7 +13,7 @@ from navbench.experiments.cells import Cell
 from navbench.experiments.manifest import described
 from navbench.experiments.rows import episode_rows, trajectory_columns
 from navbench.experiments.store import Results, ResultsError
-from navbench.records import RobotRecord
+from navbench.records import NOT_DRIVEN, RobotRecord
 from navbench.world.layout import DrawnWorld
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Sample(StoredResults):
             {"name": key.name, "label": key.label, "tuning": key.tuning, "tuning_seed": key.tuning_seed, **row}
             for _, key, records in self._ran
             for row in episode_rows(key, records, {})
-            if row["outcome"] != "no_layout"
+            if row["outcome"] not in NOT_DRIVEN
         ]
         columns = {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
         words = {name: pd.Series(of, dtype=object) for name, of in columns.items() if isinstance(of[0], str)}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from navbench.cli.composing import key_of
 from navbench.cli.progress import complain
 from navbench.cli.words import sort_words
+from navbench.records import NOT_DRIVEN
 from navbench.validation import DescriptionError, instead
 
 if TYPE_CHECKING:
@@ -151,19 +152,19 @@ def _choices(cells: Sequence[Mapping[str, Any]]) -> str:
 def _episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
     """Return which of a cell's episodes is shown, and where nobody chose it why."""
     there = sorted(rows["episode"].unique().tolist())
-    undrawn = rows[rows["outcome"] == "no_layout"].set_index("episode")["reason"]
+    undrawn = rows[rows["outcome"].isin(list(NOT_DRIVEN))].set_index("episode")["reason"]
     if wanted is not None:
         if wanted not in there:
             raise DescriptionError(f"episode={wanted}: there is no such episode; episodes {_spans(there)}")
         if wanted in undrawn.index:
-            raise DescriptionError(f"episode={wanted}: no layout could be drawn: {undrawn[wanted]}")
+            raise DescriptionError(f"episode={wanted}: was not run: {undrawn[wanted]}")
         return wanted, ""
     driven = [episode for episode in there if episode not in undrawn.index]
     if not driven:
-        raise DescriptionError(f"no layout could be drawn in any episode: {undrawn.iloc[0]}")
+        raise DescriptionError(f"no episode was run: {undrawn.iloc[0]}")
     if len(driven) == 1:
         return driven[0], ""
-    failed = sorted(rows[~rows["outcome"].isin(["reached", "no_layout"])]["episode"].unique().tolist())
+    failed = sorted(rows[~rows["outcome"].isin(["reached", *NOT_DRIVEN])]["episode"].unique().tolist())
     if failed:
         which = f"the first of {len(failed)} failed episodes" if len(failed) > 1 else "the only failed episode"
         return failed[0], f"{which}, of {len(driven)}"

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any
 from navbench.cli.composing import Composed, composing, key_of
 from navbench.cli.configuration import SEED_MAX, cell_of, latest_sources, without
 from navbench.cli.worlds import world_of
+from navbench.episode.tasks import why_impossible
 from navbench.robot import Robot
 from navbench.sensors import Sensors, suite_of
 from navbench.sources import KINDS
 from navbench.validation import DescriptionError, describe
+from navbench.world.layout import DrawnWorld
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,20 +64,47 @@ def _world(composed: Composed, words: Sequence[str]) -> Drawn:
     from navbench.report.worlds import draw_layouts
 
     name, seed = str(composed.choices["world"]), composed.values["seed"]
-    episodes = composed.values["episodes"] if _gives("episodes", words) else EPISODES
-    if not 1 <= episodes <= EPISODES_MAX:
-        raise DescriptionError(f"episodes={episodes}: must be from 1 to {EPISODES_MAX} here")
+    layouts = layouts_of(composed, composed.values["episodes"] if _gives("episodes", words) else EPISODES, EPISODES_MAX)
+    fixed = len(layouts) == 1
+    says = f"world {name}" + ("" if fixed else f", seed {seed}, episodes 0 to {len(layouts) - 1}")
+    figure = draw_layouts(says, layouts, robot_of(composed).radius_m)
+    return (
+        figure,
+        f"world {name}" + ("" if fixed else f" seed {seed}"),
+        "\n".join([says, *impossible(composed, layouts)]),
+    )
+
+
+def layouts_of(composed: Composed, episodes: int, most: int) -> list[DrawnWorld]:
+    """Return the composed world's layouts of its first episodes, or the one that is always the same.
+
+    Args:
+        composed: the world, with the seed.
+        episodes: how many.
+        most: how many may be asked for.
+
+    Raises:
+        DescriptionError: a wrong value; and what ``world_of`` and ``World.drawn_for`` raise.
+    """
+    seed = composed.values["seed"]
+    if not 1 <= episodes <= most:
+        raise DescriptionError(f"episodes={episodes}: must be from 1 to {most} here")
     if not 0 <= seed <= SEED_MAX:
         raise DescriptionError(f"seed={seed}: must be from 0 to {SEED_MAX}")
-    world, _ = world_of(without(composed.values["world"], "sources"), name)
+    world, _ = world_of(without(composed.values["world"], "sources"), str(composed.choices["world"]))
     layouts = [world.drawn_for(seed, episode) for episode in range(episodes)]
-    fixed = all(layout == layouts[0] for layout in layouts)
-    says = f"world {name}" + ("" if fixed else f", seed {seed}, episodes 0 to {episodes - 1}")
-    figure = draw_layouts(says, layouts[:1] if fixed else layouts, _robot_of(composed).radius_m)
-    return figure, f"world {name}" + ("" if fixed else f" seed {seed}"), says
+    return layouts[:1] if all(layout == layouts[0] for layout in layouts) else layouts
 
 
-def _robot_of(composed: Composed) -> Robot:
+def impossible(composed: Composed, layouts: Sequence[DrawnWorld]) -> list[str]:
+    """Return a line on how many layouts have a task that the composed robot cannot do, and why; empty without any."""
+    reasons = {k: why_impossible(layout, robot_of(composed).radius_m) for k, layout in enumerate(layouts)}
+    found = [f"episode {k}: {why}" for k, why in reasons.items() if why]
+    return [f"{len(found)} of {len(layouts)} impossible; {found[0]}"] if found else []
+
+
+def robot_of(composed: Composed) -> Robot:
+    """Return the composed robot."""
     return describe(Robot, without(composed.values["robot"], "sources"), "robot")
 
 
@@ -83,7 +112,7 @@ def _robot(composed: Composed, words: Sequence[str]) -> Drawn:
     from navbench.report.bodies import ring_block, robot_block
     from navbench.report.figures import stacked
 
-    robot, says = _robot_of(composed), f"robot {composed.choices['robot']}"
+    robot, says = robot_of(composed), f"robot {composed.choices['robot']}"
     blocks = [robot_block(robot)]
     if _gives("sensors", words):
         blocks.append(ring_block(_sensors_of(composed).scaled_to(robot.radius_m), robot.track_m))
@@ -103,7 +132,7 @@ def _sensors(composed: Composed, words: Sequence[str]) -> Drawn:
     sensors, says = _sensors_of(composed), f"sensors {composed.choices['sensors']}"
     if not _gives("robot", words):
         return stacked(says, [ring_block(sensors)]), says, says
-    robot = _robot_of(composed)
+    robot = robot_of(composed)
     says += f" on robot {composed.choices['robot']}"
     return stacked(says, [ring_block(sensors.scaled_to(robot.radius_m), robot.track_m)]), says, says
 

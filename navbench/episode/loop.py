@@ -15,18 +15,18 @@ from navbench.episode.perception import Perception, Senses
 from navbench.episode.pilot import Pilot
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
+from navbench.episode.tasks import FreeSpace
 from navbench.mathematics.streams import stream
 from navbench.metrics import METRICS, MetricFunction, RobotRun, declared
 from navbench.policy import CompiledController
-from navbench.records import RobotRecord
+from navbench.records import Outcome, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
 from navbench.simulation.motion import RUNNING, STOPPED, RobotState
 from navbench.simulation.planar import PlanarSimulator
-from navbench.simulation.scene import Scene
 from navbench.validation import DescriptionError
-from navbench.world.layout import DrawnWorld, Layout
+from navbench.world.layout import DrawnWorld, ImpossibleError, Layout
 from navbench.world.world import World
 
 FloatArray = NDArray[np.float64]
@@ -36,10 +36,15 @@ PERIODS_MAX = 16384  # of any
 
 
 class Drawn(NamedTuple):
-    """An episode's world, with its layout, and where its robots begin."""
+    """An episode's world, with where its robots may be, and where they begin."""
 
-    world: DrawnWorld
+    space: FreeSpace
     starts: list[Pose]
+
+    @property
+    def world(self) -> DrawnWorld:
+        """The world with its layout."""
+        return self.space.world
 
 
 class EpisodeRunner:
@@ -94,9 +99,11 @@ class EpisodeRunner:
         self._converts = not self._similarity.identity
         self.period_s = period_s(native, self._similarity)
         source = world.source
-        self._always = world.of(source) if isinstance(source, Layout) and type(source).draw is Layout.draw else None
-        self._scene: Scene | None = None  # of the layout that was drawn last, at time 0
+        self._always: FreeSpace | None = None
+        if isinstance(source, Layout) and type(source).draw is Layout.draw:
+            self._always = FreeSpace(world.of(source), robot.radius_m)
         self._same: Drawn | None = None  # a layout and starts that are always the same
+        self._possible: Drawn | None = None  # the last one whose task can be done
         self.senses = Senses.of(self._sensors, self._similarity, robot.track_m)
         self.robots, self.time_limit_s = world.robots, world.time_limit_s
         self.periods = math.ceil(world.time_limit_s / self.period_s - 1e-9)
@@ -120,9 +127,11 @@ class EpisodeRunner:
         """
         try:
             drawn = self.draw(episode)
+            self._check_possible(drawn)
         except DescriptionError as error:  # one bad draw costs its episode, not the study
+            outcome: Outcome = "impossible" if isinstance(error, ImpossibleError) else "no_layout"
             metrics = declared(self._metrics)
-            return [RobotRecord.lost(i, "no_layout", str(error), metrics) for i in range(self._template.robots)]
+            return [RobotRecord.lost(i, outcome, str(error), metrics) for i in range(self._template.robots)]
         pilots = self.begin(drawn, episode)
         if self.simulator.is_compiled and all(isinstance(pilot.controller, CompiledController) for pilot in pilots):
             try:
@@ -138,14 +147,17 @@ class EpisodeRunner:
         """Draw an episode's layout and where its robots begin, see ``draw_starts``."""
         if self._same is not None:
             return self._same
-        world = self._always or self._template.drawn_for(self.seed, episode)
-        if self._scene is None or self._scene.layout is not world:
-            self._scene = Scene(world)
-        starts = draw_starts(world, self._robot.radius_m, self._jitter, self.seed, episode, self._scene)
-        drawn = Drawn(world, starts)
+        space = self._always or FreeSpace(self._template.drawn_for(self.seed, episode), self._robot.radius_m)
+        drawn = Drawn(space, draw_starts(space, self._jitter, self.seed, episode))
         if self._always and not any(self._jitter):
             self._same = drawn
         return drawn
+
+    def _check_possible(self, drawn: Drawn) -> None:
+        """Raise ImpossibleError where no controller could do this episode's task, see ``FreeSpace``."""
+        if drawn is not self._possible:
+            drawn.space.check(drawn.starts)
+            self._possible = drawn
 
     def begin(self, drawn: Drawn, episode: int) -> list[Pilot]:
         """Put the robots of an episode at their starts and make their controllers."""

@@ -4,11 +4,12 @@ import math
 from typing import NamedTuple
 
 from navbench.contract import Pose
+from navbench.episode.tasks import FreeSpace
 from navbench.mathematics.geometry import wrap_angle
 from navbench.mathematics.streams import stream
 from navbench.simulation.scene import Scene
 from navbench.validation import DescriptionError
-from navbench.world.layout import DrawnWorld, Start
+from navbench.world.layout import Start
 
 DRAWS_MAX = 1000  # a start that stays in contact this often has no free place within its jitter
 
@@ -20,16 +21,13 @@ class Jitter(NamedTuple):
     heading_rad: float = 0.0
 
 
-def draw_starts(
-    world: DrawnWorld, radius_m: float, jitter: Jitter, seed: int, episode: int, scene: Scene | None = None
-) -> list[Pose]:
-    """Return a pose for each of the world's starts, randomly perturbed, drawn again while in contact.
+def draw_starts(space: FreeSpace, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
+    """Return a pose for each of a drawn world's starts, randomly perturbed, drawn again while in contact.
 
     A start that lies outside the bounds or behind an obstacle, seen from the world's own, is drawn again too.
 
     Args:
-        world: the world as drawn for the episode.
-        radius_m: every robot's hull [m].
+        space: of the world as drawn for the episode, and of every robot's hull.
         jitter: how far the starts are perturbed.
         seed: of the streams.
         episode: its index, which names its streams.
@@ -38,7 +36,7 @@ def draw_starts(
     Raises:
         DescriptionError: a robot finds no free place, or the layout does not fit it (see ``Layout.check_fits``).
     """
-    scene = scene or Scene(world)
+    world, scene, radius_m = space.world, space.scene, space.radius_m
     world.check_fits(radius_m, world.goal_tolerance_m)
     poses: list[Pose] = []
     for i, start in enumerate(world.starts):

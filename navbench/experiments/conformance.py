@@ -15,6 +15,7 @@ from navbench.experiments.cells import Cell, Records
 from navbench.experiments.engines import in_processes
 from navbench.experiments.rerunning import Acts, difference, drive, ended, watch
 from navbench.policy import CompiledController
+from navbench.records import NOT_DRIVEN
 from navbench.sensors import Mount, Odometry, Ring, Sensors
 from navbench.world.layout import Layout
 from navbench.world.mirrored import mirrored
@@ -57,7 +58,7 @@ def findings(cell: Cell) -> Iterator[Finding]:
 
 def _finite(driven: Records, acts: Acts) -> Finding:
     failed = [(episode, record) for episode, record in driven if record.outcome == "controller_error"]
-    lost = [(episode, record) for episode, record in driven if record.outcome == "no_layout"]
+    lost = [(episode, record) for episode, record in driven if record.outcome in NOT_DRIVEN]
     if failed or lost:
         episode, record = (failed or lost)[0]
         return Finding("FAIL", "commands", f"episode {episode}, robot {record.robot_index}: {record.reason}")

@@ -14,7 +14,7 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
 from navbench.experiments.engines import Work, run
 from navbench.metrics import declared
-from navbench.records import RobotRecord, TuningKey
+from navbench.records import NOT_DRIVEN, RobotRecord, TuningKey
 from navbench.tuning.search import Tuner, batches
 from navbench.tuning.space import Repair, Side, space_of
 from navbench.validation import STRICT, DescriptionError, NonNegative, Number
@@ -344,7 +344,7 @@ def _evaluate(tuning: Tuning, runners: Sequence[EpisodeRunner], values: FloatArr
                 for record in runner.run(episode):
                     robots += 1
                     reached += record.outcome == "reached"
-                    if record.outcome != "no_layout":  # in which the parameters had no part
+                    if record.outcome not in NOT_DRIVEN:  # in which the parameters had no part
                         costs.append(tuning.objective.cost(record))
         evaluations.append(Evaluation(math.fsum(costs) / len(costs) if costs else math.inf, reached, robots))
     return evaluations

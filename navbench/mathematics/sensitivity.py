@@ -24,7 +24,7 @@ from navbench.mathematics.information import (
     permuted,
     verdict_table,
 )
-from navbench.mathematics.statistics import CONFIDENCE, Estimate, wilson
+from navbench.mathematics.statistics import CONFIDENCE, Estimate, clopper_pearson
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -127,23 +127,24 @@ def share_of_scrambles(y: BoolArray, *, confidence: float = CONFIDENCE) -> Estim
     """Return the share of verdicts that hold, over independent scrambles; n counts all points.
 
     Points of one scramble are not independent, but the scrambles' shares are: the interval is Student's t of these,
-    clipped to [0, 1]. With one scramble, or where all shares agree (as they do where every verdict is the same, or
-    none of few scrambles met a rare case), no spread was seen from which to tell one; there it is Wilson's, as if all
-    points were independent, which is mostly too wide, because a Sobol sequence fills the cube more evenly.
+    wider by half a point to either side, for they come in steps of one, and clipped to [0, 1]. With one scramble, or
+    where all shares agree (as they do where every verdict is the same, or none of few scrambles met a rare case), no
+    spread was seen from which to tell one; there it is that of ``clopper_pearson``, as if all points were independent,
+    which is mostly too wide, because a Sobol sequence fills the cube more evenly.
 
     Args:
         y: (k, n) verdicts, a row for each scramble.
         confidence: the nominal coverage, in (0, 1).
     """
     held = checked("y", y, "b", 2)
-    pooled = wilson(int(held.sum()), held.size, confidence=confidence)
+    pooled = clopper_pearson(int(held.sum()), held.size, confidence=confidence)
     shares = held.mean(axis=1)
     if np.ptp(shares) == 0.0:
         return pooled
     from scipy.special import stdtrit
 
     k = shares.size
-    half = float(stdtrit(k - 1, 0.5 + 0.5 * confidence) * shares.std(ddof=1)) / math.sqrt(k)
+    half = float(stdtrit(k - 1, 0.5 + 0.5 * confidence) * shares.std(ddof=1)) / math.sqrt(k) + 0.5 / held.size
     return Estimate(pooled.value, max(0.0, pooled.value - half), min(1.0, pooled.value + half), held.size)
 
 

@@ -13,8 +13,9 @@ NOTE = (
     "A difference is the row's minus that of the reference, which has none, start by start: the same world, seed, "
     "episode and robot. The mean time counts a failure as the world's time limit, whenever it came. The win ratio is "
     "pairs won over pairs lost; a failure is the worst, and two failures are a tie. Medians are of those that "
-    "reached, and metrics are compared where both did. Intervals hold 95 %: Wilson's, Newcombe's, the BCa bootstrap's "
-    "and, for the win ratio, Wilson's too."
+    "reached, and metrics are compared where both did. Intervals hold 95 %: Clopper and Pearson's of shares "
+    "and of the win ratio, Newcombe's of their differences, and of the mean time one that reckons with failures that "
+    "were not seen; its difference has an interval from 8 pairs on."
 )
 COLUMNS = (
     Column("", "label"),

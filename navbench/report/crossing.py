@@ -54,7 +54,7 @@ class Crossing(NamedTuple):
         group: whose world it is.
         world: the world.
         label: what the controller is called.
-        success: the share of episodes in which all robots reached, with Wilson's interval.
+        success: the share of episodes in which all robots reached, with its interval.
         arrived: how many robots reached.
         robots: of how many.
         time_s: the median time of those [s]; nan where none reached.

@@ -30,6 +30,7 @@ COLOURS = {
     "timed_out": "#b5651d",
     "controller_error": "#6a0dad",
     "no_layout": "#7f7f7f",
+    "impossible": "#b0b0b0",
 }
 LABELS = {name: name.replace("_", " ") for name in COLOURS}
 PATH = ("x_m", "y_m")  # what is drawn of a trajectory

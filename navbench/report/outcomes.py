@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from navbench.analysis.fleets import fleets
-from navbench.analysis.measures import RESAMPLING_SEED
 from navbench.analysis.stored import reached
-from navbench.mathematics.statistics import Estimate, bootstrap_median, share
+from navbench.mathematics.statistics import Estimate, median, share
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.page import Page, Select
 
@@ -93,8 +92,8 @@ def robustness(page: Page, *, cells: Mapping[str, Select], worlds: Mapping[str, 
     """Return for some cells and worlds the shares of episodes that succeed, and the clearance, with 95 % intervals.
 
     A case is an episode, whatever the number of its robots, since these are not independent of each other. Its least
-    clearance is that of its robots' hulls from anything, failures included. Intervals are Wilson's and, for the
-    median, the percentile bootstrap's. Where there are no obstacles there is no clearance.
+    clearance is that of its robots' hulls from anything, failures included. Intervals are exact: Clopper
+    and Pearson's and, for the median, the sign test's. Where there are no obstacles there is no clearance.
 
     Args:
         cells: what each row is called, and which cells it holds.
@@ -108,6 +107,6 @@ def robustness(page: Page, *, cells: Mapping[str, Select], worlds: Mapping[str, 
             shares = share(table["success"].to_numpy(dtype=bool)), share((table["contacts"] == 0).to_numpy())
             near: tuple[Estimate | None, float | None] = (None, None)
             if np.isfinite(least_m).all():
-                near = bootstrap_median(least_m, np.random.default_rng(RESAMPLING_SEED)), float(least_m.min())
+                near = median(least_m), float(least_m.min())
             rows.append([place, title, *shares, *near])
     return [page.table(ROBUST, rows)]

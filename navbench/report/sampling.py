@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from navbench.records import NOT_DRIVEN
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -24,7 +26,7 @@ def sample_of(runs: Sequence[str], episodes: "pd.DataFrame", most: int) -> Sampl
     """
     if len(runs) <= most:
         return Sample(list(runs), "")
-    with_failures = {*episodes.loc[~episodes["outcome"].isin(["reached", "no_layout"]), "run_id"]}
+    with_failures = {*episodes.loc[~episodes["outcome"].isin(["reached", *NOT_DRIVEN]), "run_id"]}
     failed = [run for run in runs if run in with_failures]
     others = [run for run in runs if run not in with_failures]
     first = _evenly(failed, most)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navbench.analysis.fitting import Fit
 from navbench.analysis.printed import quantity
 from navbench.analysis.shares import CONTRADICTED, HOLDS, ROBUST, Drawn, Shares
-from navbench.mathematics.statistics import wilson
+from navbench.mathematics.statistics import clopper_pearson
 from navbench.report.figures import PALETTE
 
 if TYPE_CHECKING:
@@ -83,7 +83,8 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares) -> None:
     u = drawn.u[:, list(drawn.names).index(name)]
     holds = drawn.codes(one.claim.name).ravel() == HOLDS
     places = np.minimum((u * SLICES).astype(int), SLICES - 1)
-    found = [wilson(int(holds[places == k].sum()), int((places == k).sum())) for k in range(SLICES)]
+    slices = [holds[places == k] for k in range(SLICES)]
+    found = [clopper_pearson(int(held.sum()), held.size) for held in slices]
     x = (np.arange(SLICES) + 0.5) / SLICES
     values = np.array([estimate.value for estimate in found])
     errors = [[e.value - e.low for e in found], [e.high - e.value for e in found]]

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import driven, reached
-from navbench.mathematics.statistics import wilson
+from navbench.mathematics.statistics import clopper_pearson
 from navbench.metrics import DECLARED, Metric
 from navbench.reading import flat
+from navbench.records import NOT_DRIVEN
 from navbench.report import markdown
 from navbench.report.document import Blocks, Column, Lines, Paragraph, Table, number
 from navbench.report.page import Page
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 KEYS = ("controller", "world", "robot", "sensors", "simulator", "seed")
 MEANS = tuple(metric.name for metric in DECLARED if metric.averaged)
-FAILURES = ("collided", "timed_out", "controller_error", "no_layout")
+FAILURES = ("collided", "timed_out", "controller_error", *NOT_DRIVEN)
 PRINTED = ("controller", "world", "robot", "reached", "collisions", *MEANS[:4])
 FLEET = ("fleets", "makespan_s")  # printed where several robots drive together
 COUNTS = {"reached": "of", "fleets": "episodes"}  # counts, and of how many
@@ -39,7 +40,7 @@ def summarize(episodes: "pd.DataFrame", metrics: Iterable[Metric] = DECLARED) ->
         Columns controller, world, robot, sensors, simulator, seed, reached of how many, collisions (the sum over all
         robots), a mean of each metric, how many failed by each of ``FAILURES``; and robots (how many drive together),
         fleets (episodes in which all reached) of how many episodes, and the mean makespan_s of those. Episodes of
-        which no layout could be drawn are counted as such and nowhere else.
+        which no layout could be drawn, or whose task is impossible, are counted as such and nowhere else.
     """
     import pandas as pd
 
@@ -108,7 +109,7 @@ def summary(page: Page) -> Blocks:
     summed = [*(metric.name for metric in held), *FAILURES, "makespan_s"]
     rows = []
     for row in table.to_dict("records"):
-        arrived = wilson(row["reached"], row["of"]) if row["of"] else None
+        arrived = clopper_pearson(row["reached"], row["of"]) if row["of"] else None
         told = [row[key] for key in ("name", "label", "simulator", "seed")]
         rows.append([*told, arrived, arrived, *(row[name] for name in summed)])
     columns = [Column("world", "world"), Column("controller", "controller")]

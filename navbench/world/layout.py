@@ -33,6 +33,10 @@ FloatArray = NDArray[np.float64]
 GOAL_BEYOND_LINE_M = 1.0  # a goal behind a finish line is a direction to drive in, so it must not stop the robot early
 
 
+class ImpossibleError(DescriptionError):
+    """A task that no controller can do: it is not run, and is no failure of any."""
+
+
 @dataclass(frozen=True, slots=True, config=STRICT)
 class Start:
     """Where a robot begins [m, rad]; without a heading it looks at its goal."""
@@ -147,22 +151,22 @@ class Layout:
             goal_tolerance_m: how near to its goal a robot's centre must come [m].
 
         Raises:
-            DescriptionError: a start lies too near to an obstacle or to another start, or a goal to an obstacle.
+            ImpossibleError: a start lies too near to an obstacle or to another start, or a goal to an obstacle.
         """
         obstacles = self.box_rows(), self.disc_rows(), self.polygon_rows()
         for i, start in enumerate(self.starts):
             place = f"starts[{i}]: ({start.x_m}, {start.y_m}) must lie further than"
             if self._away(start, *obstacles) <= radius_m:
-                raise DescriptionError(f"{place} the robot's radius {radius_m} m from an obstacle")
+                raise ImpossibleError(f"{place} the robot's radius {radius_m} m from an obstacle")
             if any(math.hypot(start.x_m - o.x_m, start.y_m - o.y_m) <= 2.0 * radius_m for o in self.starts[:i]):
-                raise DescriptionError(f"{place} two radii of the robot, {2.0 * radius_m} m, from another start")
+                raise ImpossibleError(f"{place} two radii of the robot, {2.0 * radius_m} m, from another start")
         if self.finish_line is not None:
             return
         still = obstacles[0], obstacles[1][: len(self.discs)], obstacles[2][: len(self.polygons)]
         for i, goal in enumerate(self.goals):
             away = self._away(goal, *still)
             if away + goal_tolerance_m < radius_m:
-                raise DescriptionError(
+                raise ImpossibleError(
                     f"goals[{i}]: ({goal.x_m}, {goal.y_m}) lies {away:.3g} m from an obstacle, where a robot of radius "
                     f"{radius_m} m cannot come nearer to it than goal_tolerance_m={goal_tolerance_m}"
                 )

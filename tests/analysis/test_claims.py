@@ -10,7 +10,7 @@ from navbench.analysis.claims import Claim, check_claims, entries
 from navbench.analysis.estimates import median_of
 from navbench.analysis.printed import band, limits, quantity
 from navbench.analysis.verdicts import COLUMNS, judged, verdict, verdicts_in
-from navbench.mathematics.statistics import Estimate, wilson
+from navbench.mathematics.statistics import Estimate, clopper_pearson
 from navbench.report.sections import check_section
 from navbench.validation import DescriptionError, describe
 
@@ -191,24 +191,24 @@ def test_a_hypothesis_refuses_what_it_does_not_know(wrong: dict[str, Any], says:
 
 
 def test_claims_of_all_kinds_are_judged_in_one_table(tmp_path: Path) -> None:
-    mine = {"metric": "time_s", "label": "A"}
-    number = {"printed": "9 s", "within": "5 %"}
-    quicker = {"says": "it is", "holds": "below 0", "measure": "difference", "of": {**mine, "than": "B"}}
+    mine = {"metric": "path_length_m", "label": "A"}
+    number = {"printed": "9 m", "within": "5 %"}
+    shorter = {"says": "it is", "holds": "below 0", "measure": "difference", "of": {**mine, "than": "B"}}
     claims = {
-        "printed": {"says": "it takes 9 s", **number, "measure": "median", "of": mine},
+        "printed": {"says": "it takes 9 m", **number, "measure": "median", "of": mine},
         "none": {"says": "nothing compares", **number},
-        "quicker": quicker,
-        "equal": {**quicker, "practically_equal": "10.1 %"},  # of 10 s, and it is quicker by 1 s
-        "seconds": {**quicker, "practically_equal": "0.9 s"},
+        "shorter": shorter,
+        "equal": {**shorter, "practically_equal": "10.1 %"},  # of 10 m, and it is shorter by 1 m
+        "metres": {**shorter, "practically_equal": "0.9 m"},
     }
-    cells = [(a_cell(label), [a_record(time_s=time_s)] * 3) for label, time_s in (("A", 9.0), ("B", 10.0))]
+    cells = [(a_cell(label), [a_record(length_m=length_m)] * 6) for label, length_m in (("A", 9.0), ("B", 10.0))]
     table = judged(store(tmp_path, cells, {"name": "mine", "claims": claims}))
     assert list(table.columns) == COLUMNS
     assert table["id"].tolist() == list(claims)
     assert table["verdict"].tolist() == ["reproduced", "not_testable", "supported", "practically_equal", "supported"]
     assert table["tolerance"].tolist() == ["±5 %", "±5 %", "below 0", "below 0", "below 0"]
     assert table["measured"].tolist()[2:] == [-1.0] * 3
-    assert table["n"].tolist() == [3, 0, 3, 3, 3]
+    assert table["n"].tolist() == [6, 0, 6, 6, 6]
     assert table["printed"].tolist() == ["9", "9", "", "", ""]
     assert verdicts_in(table)[0] == "reproduced"
     assert verdicts_in(table[2:]) == ("not_testable", "supported", "contradicted", "practically_equal", "undecided")
@@ -289,7 +289,7 @@ def test_a_claim_tells_its_figure_over_what_is_plausible_and_whether_the_verdict
 )
 def test_a_statement_on_a_single_run_is_refuted_only_where_hardly_any_case_shows_it(held: int, word: str) -> None:
     values = {"says": "", "holds": "in 95 % of the cases", "compare": "distribution", "measure": "share_reached"}
-    measured = wilson(held, 100)
+    measured = clopper_pearson(held, 100)
     decided, reason = verdict(describe(Claim, values, "claim"), measured)
     assert decided == word
     assert reason == (f"chaotic: it holds in {held} % of 100 cases" if word == "not_testable" else "")

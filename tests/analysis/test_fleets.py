@@ -460,7 +460,7 @@ def test_gains_have_an_interval_from_ten_pairs_on(count: int, is_range: bool, tm
     assert (found == pytest.approx((0.0, 5.0 * (count - 1)))) == is_range
 
 
-def test_gains_of_many_pairs_have_bootstrapped_and_paired_intervals(tmp_path: Path) -> None:
+def test_gains_of_many_pairs_have_exact_and_paired_intervals(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     pairs: list[tuple[float | None, float | None]] = [(float(t), 10.0) for t in rng.uniform(6.0, 10.0, 40)]
     pairs[:4] = [(8.0, None)] * 4

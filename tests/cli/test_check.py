@@ -188,3 +188,33 @@ def test_wrong_words_are_refused_in_one_line(words: tuple[str, ...], message: st
     assert done.code == 2
     assert done.err.startswith(f"navbench: {message}")
     assert done.err.count("\n") == 1
+
+
+SHUT = """# A start in a closed room
+defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
+bounds: {x_min_m: -3.0, x_max_m: 3.0, y_min_m: -3.0, y_max_m: 3.0}
+starts: [{x_m: 0.0, y_m: 0.0}]
+goals: [{x_m: 2.5, y_m: 0.0}]
+walls:
+  - {x1_m: -1.0, y1_m: -1.0, x2_m: 1.0, y2_m: -1.0}
+  - {x1_m: 1.0, y1_m: -1.0, x2_m: 1.0, y2_m: 1.0}
+  - {x1_m: 1.0, y1_m: 1.0, x2_m: -1.0, y2_m: 1.0}
+  - {x1_m: -1.0, y1_m: 1.0, x2_m: -1.0, y2_m: -1.0}
+goal_tolerance_m: 0.05
+time_limit_s: 30.0
+"""
+SAYS = "1 of 1 impossible; episode 0: goals[0]: nothing leads there from starts[0] for a robot of radius 0.065 m"
+
+
+def test_a_world_is_checked_for_impossible_tasks_and_so_is_its_picture(tmp_path: Path, command: Command) -> None:
+    (tmp_path / "conf/world").mkdir(parents=True)
+    (tmp_path / "conf/world/shut.yaml").write_text(SHUT)
+    own = "world=shut", "--config-dir", str(tmp_path / "conf")
+    checked = command("check", *own)
+    assert (checked.code, checked.out) == (3, f"FAIL  tasks     {SAYS}\n")
+    assert SAYS in command("show", *own, f"out={tmp_path / 'shut.png'}").out
+
+
+def test_a_world_whose_tasks_can_be_done_is_ok(command: Command) -> None:
+    checked = command("check", "world=random_discs", "episodes=3")
+    assert (checked.code, checked.out) == (0, "ok    tasks     a robot of radius 4 m can do all of 3\n")

@@ -75,7 +75,7 @@ def test_an_episode_is_drawn_the_first_that_failed_unless_one_is_chosen(
         (("one", "episode=-1"), "episode=-1: must be a whole number, at least 0"),
         (("one", "robot=1"), "robot=1: there is no such robot; robots 0"),
         (("one", "seed=1"), "seed=1: unknown key; allowed with show DIR: episode, robot, run_id"),
-        (("undrawn", "episode=0"), "episode=0: no layout could be drawn: no room"),
+        (("undrawn", "episode=0"), "episode=0: was not run: no room"),
         (("two",), "two: 2 cells; choose one by run_id=, name=, label= or world=: A in plain (run_id=a-plain-); B in"),
         (("two", "label=C"), "label=C: there is no such cell; there are: A, B"),
         (("one", "out=a.gif"), "out=a.gif: must end in .png or .svg"),

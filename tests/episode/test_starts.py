@@ -5,6 +5,7 @@ import pytest
 from scenes import BLIND, BLOCK, a_robot, a_runner, a_world, always
 
 from navbench.episode.starts import Jitter, draw_starts
+from navbench.episode.tasks import FreeSpace
 from navbench.validation import DescriptionError
 from navbench.world.generators import Discs, Scattered, Swap
 from navbench.world.layout import Layout, Start
@@ -69,7 +70,7 @@ def test_jittered_starts_of_swapping_robots_are_free_of_obstacles_and_of_each_ot
     world, robot_m = a_drawn(SWAP, gap_m=3.0, discs=3), 1.5
     for episode in range(3):
         drawn = world.drawn_for(0, episode)
-        poses = draw_starts(drawn, robot_m, Jitter(0.4, 0.2), 0, episode)
+        poses = draw_starts(FreeSpace(drawn, robot_m), Jitter(0.4, 0.2), 0, episode)
         places = np.array([pose[:2] for pose in poses])
         away = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)) + 99.0 * np.eye(len(poses))
         assert away.min() > 2.0 * robot_m
@@ -98,7 +99,7 @@ def test_a_drawn_start_in_contact_costs_its_episode_and_no_more() -> None:
     with a_runner(a_drawn(Narrow()), always(0.0), robot=a_robot(1.0), options=BLOCK) as runner:
         outcomes = [[record.outcome for record in runner.run(episode)] for episode in range(3)]
         reason = runner.run(1)[0].reason
-    assert outcomes == [["timed_out"] * 2, ["no_layout"] * 2, ["timed_out"] * 2]
+    assert outcomes == [["timed_out"] * 2, ["impossible"] * 2, ["timed_out"] * 2]
     assert reason.startswith("starts[0]: (0.0, 0.0) must lie further than the robot's radius 1.0 m from an obstacle")
 
 

@@ -21,7 +21,7 @@ from navbench.mathematics.sensitivity import (
     share_of_scrambles,
     total_effects,
 )
-from navbench.mathematics.statistics import wilson
+from navbench.mathematics.statistics import clopper_pearson
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -124,20 +124,20 @@ def test_nothing_has_an_effect_on_a_verdict_that_never_turns() -> None:
     assert (total_effects(y, np.tile(y, (3, 1))) == 0.0).all()
 
 
-def test_an_irrelevant_factor_never_flips_and_its_interval_is_wilsons() -> None:
+def test_an_irrelevant_factor_never_flips_and_its_interval_is_the_exact_one() -> None:
     y_a, y_changed = results(threshold, saltelli(64, 3, 0))
-    assert flip_probability(y_a, y_changed[2]) == wilson(0, 64)
+    assert flip_probability(y_a, y_changed[2]) == clopper_pearson(0, 64)
     stacked = np.stack([y_a, y_a])
-    assert flip_probability(stacked, stacked) == wilson(0, 128)
+    assert flip_probability(stacked, stacked) == clopper_pearson(0, 128)
 
 
-def test_a_flip_probability_of_several_scrambles_has_the_t_interval_of_their_shares() -> None:
+def test_a_flip_probability_of_several_scrambles_has_the_t_interval_of_their_shares_and_half_a_point() -> None:
     y_a, y_changed = zip(*(results(threshold, saltelli(64, 3, seed)) for seed in range(6)), strict=True)
     a, changed = np.array(y_a), np.array(y_changed)[:, 0]
     shares = (a != changed).mean(axis=1)
-    theirs = stats.t.interval(0.9, 5, shares.mean(), stats.sem(shares))
-    ours = flip_probability(a, changed, confidence=0.9)
-    assert ours == pytest.approx((shares.mean(), *theirs, 6 * 64))
+    low, high = stats.t.interval(0.9, 5, shares.mean(), stats.sem(shares))
+    ours, half_a_point = flip_probability(a, changed, confidence=0.9), 0.5 / (6 * 64)
+    assert ours == pytest.approx((shares.mean(), low - half_a_point, high + half_a_point, 6 * 64))
     assert ours.low < 1 / 3 < ours.high
     assert flip_probability(a.ravel(), changed.ravel(), replicates=6, confidence=0.9) == ours
 
@@ -145,14 +145,14 @@ def test_a_flip_probability_of_several_scrambles_has_the_t_interval_of_their_sha
 # Shares over scrambles
 
 
-def test_one_scramble_has_wilsons_interval() -> None:
-    assert share_of_scrambles(np.array([[True, False, True, True]])) == wilson(3, 4)
+def test_one_scramble_has_the_exact_interval() -> None:
+    assert share_of_scrambles(np.array([[True, False, True, True]])) == clopper_pearson(3, 4)
 
 
 @pytest.mark.parametrize("held", [0, 3, 8])
-def test_scrambles_that_all_agree_have_wilsons_interval_of_all_points(held: int) -> None:
+def test_scrambles_that_all_agree_have_the_exact_interval_of_all_points(held: int) -> None:
     y = np.tile(np.arange(8) < held, (5, 1))
-    assert share_of_scrambles(y) == wilson(5 * held, 40)
+    assert share_of_scrambles(y) == clopper_pearson(5 * held, 40)
 
 
 def test_an_interval_never_leaves_the_unit_interval() -> None:
@@ -168,12 +168,12 @@ def test_the_interval_holds_the_truth_as_often_as_it_says_for_independent_points
     assert np.mean([one.low <= share <= one.high for one in estimates]) > 0.92
 
 
-def test_the_interval_holds_the_truth_for_scrambled_points_and_is_narrower_than_wilsons() -> None:
+def test_the_interval_holds_the_truth_for_scrambled_points_and_is_narrower_than_the_exact_one() -> None:
     """The product of two factors passes 0.3 with probability 1 - 0.3 (1 - ln 0.3)."""
     truth = 1.0 - 0.3 * (1.0 - math.log(0.3))
     y = np.array([sobol(2, 64, seed).prod(axis=1) > 0.3 for seed in range(8 * 500)]).reshape(500, 8, 64)
     estimates = [share_of_scrambles(scrambles) for scrambles in y]
-    pooled = wilson(round(truth * 8 * 64), 8 * 64)
+    pooled = clopper_pearson(round(truth * 8 * 64), 8 * 64)
     assert 0.92 < np.mean([one.low <= truth <= one.high for one in estimates]) < 0.98
     assert np.mean([one.high - one.low for one in estimates]) < 0.5 * (pooled.high - pooled.low)
 

@@ -87,3 +87,16 @@ def test_a_report_says_how_many_of_the_planned_episodes_are_there(tmp_path: Path
     for part in (before, after):
         assert "2 of 5 planned episodes are there." in part
     assert "Measured: 2 episodes in 1 cells" in after
+
+
+def test_an_impossible_task_is_no_failure_of_a_controller_and_is_counted_apart(tmp_path: Path) -> None:
+    lost = RobotRecord.lost(0, "impossible", "goals[0]: nothing leads there", DECLARED)
+    stored = store(tmp_path / "in", [(a_cell("A"), [lost, UNDRAWN, a_record(), a_record("collided")])], STUDY)
+    share = share_reached(stored, {"label": "A"})
+    assert share is not None
+    assert (share.value, share.n) == (0.5, 2)
+    said = "1 of 4 tasks are impossible, and count nowhere; the first of them in plain, episode 0: goals[0]: nothing"
+    text = told(summary, stored, tmp_path)
+    assert said in text
+    assert "1 of 4 layouts could not be drawn" in text
+    assert pd.read_csv(tmp_path / "tables/t.csv")[["no_layout", "impossible"]].to_numpy().tolist() == [[1, 1]]
