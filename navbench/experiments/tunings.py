@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic.dataclasses import dataclass as described
 
-from navbench.contract import FloatArray
+from navbench.contract import Controller, FloatArray
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
 from navbench.experiments.engines import Work, run
+from navbench.experiments.workers import Death
 from navbench.metrics import declared
 from navbench.records import RobotRecord, TuningKey
 from navbench.tuning.search import Tuner, batches
@@ -224,7 +225,7 @@ class TuningRecord(NamedTuple):
 
 def run_tuning(
     tuning: Tuning,
-    workers: int | None = 1,
+    workers: int | None = 0,
     known: Sequence[Evaluation] = (),
     after: Callable[[TuningRecord], None] = lambda _: None,
 ) -> TuningRecord:
@@ -232,7 +233,7 @@ def run_tuning(
 
     Args:
         tuning: what to search.
-        workers: processes for the evaluations of a generation; None for one a core.
+        workers: processes for the evaluations of a generation, as of ``engines.run``.
         known: its first evaluations, of an earlier call; whole generations of them are not evaluated again.
         after: called after each generation that was evaluated, with all so far.
 
@@ -260,8 +261,14 @@ def run_tuning(
                 return TuningRecord(tuning.dimensions, ended.value.values, tuple(evaluations), ended.value.best_index)
 
 
-def checks_of(tuning: Tuning, record: TuningRecord) -> list[Check]:
-    """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator."""
+def checks_of(tuning: Tuning, record: TuningRecord, workers: int | None = 0) -> list[Check]:
+    """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator.
+
+    Args:
+        tuning: what was searched.
+        record: what it found.
+        workers: processes, as of ``engines.run``.
+    """
     checks = []
     fresh, fresh_in = (
         tuple(replace(c, first_episode=c.indices.stop) for c in cells) for cells in (tuning.cells, tuning.verified_in)
@@ -269,33 +276,50 @@ def checks_of(tuning: Tuning, record: TuningRecord) -> list[Check]:
     asked = (("searched", tuning.cells), ("verified", tuning.verified_in), ("fresh", fresh), ("fresh", fresh_in))
     for kind, cells in asked:
         if cells:
-            part = _Part(replace(tuning, cells=cells), 0, record.values[record.best_index][None, :])
+            again = replace(tuning, cells=cells)
             where = cells[0].names.simulator, cells[0].first_episode, cells[0].episodes
-            checks.append(Check(kind, *where, *_evaluate_part(part)[0]))
+            with _evaluator(again, workers) as evaluate:
+                checks.append(Check(kind, *where, *evaluate(0, record.values[record.best_index][None, :])[0]))
     return checks
 
 
 class _Part(NamedTuple):
-    """Some evaluations of one generation."""
+    """Some evaluations of one generation, or one episode of one of them.
+
+    Attributes:
+        tuning: of which.
+        first_index: the index of the first one.
+        values: (n, D) the points.
+        episode: the index of a cell and that of its one episode that is run; None for all of all cells.
+    """
 
     tuning: Tuning
     first_index: int
     values: FloatArray
+    episode: tuple[int, int] | None = None
+
+
+class _Driven(NamedTuple):
+    """What one robot's episode cost: the evaluation's index, the cost, and whether the robot reached its goal."""
+
+    evaluation: int
+    cost: float | None  # none without a layout, in which the parameters had no part
+    reached: bool
 
 
 @contextmanager
 def _evaluator(tuning: Tuning, workers: int | None) -> Iterator[Callable[[int, FloatArray], list[Evaluation]]]:
     """Give a function that evaluates a generation, here or in worker processes."""
-    if workers == 1:
+    if workers == 0:
         with _runners(tuning) as runners:
-            yield lambda first, values: _evaluate(tuning, runners, values)
+            yield lambda first, values: _evaluations(_drive(_Part(tuning, first, values), runners), first, len(values))
         return
 
     def evaluate(first: int, values: FloatArray) -> list[Evaluation]:
-        size = max(1, math.ceil(len(values) / 4))
+        size = max(1, math.ceil(len(values) / (1 if workers == 1 else 4)))
         parts = [_Part(tuning, first + i, values[i : i + size]) for i in range(0, len(values), size)]
         done = dict(run(EVALUATIONS, parts, workers=workers))
-        return [evaluation for i in range(len(parts)) for evaluation in done[i]]
+        return _evaluations(_join([done[i] for i in range(len(parts))]), first, len(values))
 
     yield evaluate
 
@@ -306,45 +330,72 @@ def _runners(tuning: Tuning) -> Iterator[list[EpisodeRunner]]:
         yield [stack.enter_context(cell.runner()) for cell in tuning.cells]
 
 
-def _evaluate_part(part: _Part) -> list[Evaluation]:
-    with _runners(part.tuning) as runners:
-        return _evaluate(part.tuning, runners, part.values)
-
-
-def _pieces(part: _Part) -> list[_Part]:
-    return [_Part(part.tuning, part.first_index + k, part.values[k : k + 1]) for k in range(len(part.values))]
-
-
-def _lost(part: _Part) -> list[Evaluation]:
-    """Refuse an evaluation whose process died: there is nothing to compare it by."""
-    values = part.tuning.parameters(part.values[0].tolist())
-    raise DescriptionError(
-        f"tuner={part.tuning.tuner_name}: the process of evaluation {part.first_index} died: {values}"
-    )
-
-
-def _join(parts: Sequence[list[Evaluation]]) -> list[Evaluation]:
-    return [evaluation for part in parts for evaluation in part]
-
-
-EVALUATIONS: Work[_Part, list[Evaluation]] = Work(_evaluate_part, _pieces, _lost, _join)
-
-
-def _evaluate(tuning: Tuning, runners: Sequence[EpisodeRunner], values: FloatArray) -> list[Evaluation]:
-    """Evaluate some points, all over the same episodes, so that their costs differ by their parameters alone."""
-    evaluations = []
-    for point in values.tolist():
+def _drive(part: _Part, runners: Sequence[EpisodeRunner]) -> list[_Driven]:
+    """Drive some points, all over the same episodes, so that their costs differ by their parameters alone."""
+    tuning = part.tuning
+    driven = []
+    for index, point in enumerate(part.values.tolist(), part.first_index):
         parameters = tuning.parameters(point)
-        costs: list[float] = []
-        reached = robots = 0
-        for cell, runner in zip(tuning.cells, runners, strict=True):
+        for number, (cell, runner) in enumerate(zip(tuning.cells, runners, strict=True)):
             runner.make_controller = cell.with_parameters(parameters).make_controller
             runner.seed = tuning.seed
             for episode in cell.indices:
-                for record in runner.run(episode):
-                    robots += 1
-                    reached += record.outcome == "reached"
-                    if record.outcome != "no_layout":  # in which the parameters had no part
-                        costs.append(tuning.objective.cost(record))
-        evaluations.append(Evaluation(math.fsum(costs) / len(costs) if costs else math.inf, reached, robots))
+                if part.episode in (None, (number, episode)):
+                    driven += [_driven(index, record, tuning.objective) for record in runner.run(episode)]
+    return driven
+
+
+def _driven(index: int, record: RobotRecord, objective: Objective) -> _Driven:
+    cost = objective.cost(record) if record.outcome != "no_layout" else None
+    return _Driven(index, cost, record.outcome == "reached")
+
+
+def _evaluations(driven: Sequence[_Driven], first_index: int, count: int) -> list[Evaluation]:
+    """Return what a generation's points cost."""
+    evaluations = []
+    for index in range(first_index, first_index + count):
+        mine = [one for one in driven if one.evaluation == index]
+        costs = [one.cost for one in mine if one.cost is not None]
+        cost = math.fsum(costs) / len(costs) if costs else math.inf
+        evaluations.append(Evaluation(cost, sum(one.reached for one in mine), len(mine)))
     return evaluations
+
+
+def _drive_part(part: _Part) -> list[_Driven]:
+    with _runners(part.tuning) as runners:
+        return _drive(part, runners)
+
+
+def _pieces(part: _Part) -> list[_Part]:
+    """Return a part's episodes, each alone."""
+    episodes = [(i, episode) for i, cell in enumerate(part.tuning.cells) for episode in cell.indices]
+    return [
+        _Part(part.tuning, part.first_index + k, part.values[k : k + 1], episode)
+        for k in range(len(part.values))
+        for episode in episodes
+    ]
+
+
+def _lost(part: _Part, death: Death) -> list[_Driven]:
+    """Return what an episode costs whose process died: as much as one in which the controller raised at once.
+
+    Raises:
+        DescriptionError: the machine is to blame, and there is nothing to compare the evaluation by.
+    """
+    if death.by_machine:
+        raise DescriptionError(f"machine_error: evaluation {part.first_index} of {part.tuning.name}: {death.reason}")
+    number, episode = part.episode or (0, 0)
+    with part.tuning.cells[number].runner() as runner:
+        runner.make_controller, runner.seed = _raise, part.tuning.seed
+        return [_driven(part.first_index, record, part.tuning.objective) for record in runner.run(episode)]
+
+
+def _raise() -> Controller:
+    raise ChildProcessError
+
+
+def _join(parts: Sequence[list[_Driven]]) -> list[_Driven]:
+    return [driven for part in parts for driven in part]
+
+
+EVALUATIONS: Work[_Part, list[_Driven]] = Work(_drive_part, _pieces, _lost, _join)
