@@ -15,7 +15,7 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
-from navbench.experiments.workers import Death, in_worker
+from navbench.experiments.workers import Death, MachineError, in_worker
 from navbench.metrics import METRICS, MetricFunction, declared
 from navbench.policy import CompiledController
 from navbench.records import CellKey, Names, RobotRecord
@@ -234,7 +234,7 @@ def _pieces(batch: Batch) -> list[Batch]:
 def _lost(batch: Batch, death: Death) -> Records | DescriptionError:
     """Return what is known of episodes whose process died: of what, unless the machine is to blame."""
     if death.by_machine:
-        return DescriptionError(f"machine_error: {death.reason}")
+        return MachineError(death)
     metrics, robots = declared(batch.cell.metrics), range(batch.cell.world.robots)
     lost = [RobotRecord.lost(i, "controller_error", death.reason, metrics, death.traceback) for i in robots]
     return [(episode, record) for episode in batch.episodes for record in lost]

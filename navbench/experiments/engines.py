@@ -134,14 +134,9 @@ class _Keeper(Thread):
             while not self._stopped:
                 index, tries = self._todo.get_nowait()
                 try:
-                    result = self._result(self._batches[index], tries)
+                    self._try(index, tries)
                 except BaseException as error:  # of the work; it is raised where results are awaited
                     self._done.put((index, None, error))
-                    return
-                if isinstance(result, Death):
-                    self._todo.put((index, tries - 1))
-                else:
-                    self._done.put((index, result, None))
 
     def stop(self) -> None:
         """Do no more: what is under way is ended, and nothing of it is written any more."""
@@ -151,18 +146,22 @@ class _Keeper(Thread):
         if self.is_alive():
             self.join()
 
-    def _result(self, batch: Any, tries: int) -> Any:
-        """Return what a batch comes to, or its process's death where it is to be tried again."""
-        worker = _worker()
+    def _try(self, index: int, tries: int) -> None:
+        """Do a batch, or have it tried again later."""
+        batch, worker = self._batches[index], _worker()
         try:
             result = self._do(worker, batch)
         finally:
             _idle().append(worker)
-        if isinstance(result, Death) and not result.by_machine:
-            return self._work.join([self._alone(piece) for piece in self._work.pieces(batch)])
-        if isinstance(result, Death) and tries <= 1:
-            return self._work.lost(batch, result)
-        return result
+        if isinstance(result, Death):
+            if result.by_machine and tries > 1:
+                self._todo.put((index, tries - 1))
+                return
+            if result.by_machine:
+                result = self._work.lost(batch, result)
+            else:
+                result = self._work.join([self._alone(piece) for piece in self._work.pieces(batch)])
+        self._done.put((index, result, None))
 
     def _alone(self, piece: Any) -> Any:
         """Return what a piece comes to in a process of its own."""
@@ -204,9 +203,10 @@ def _idle() -> list[Worker]:
 
 
 @atexit.register
-def _end() -> None:
-    for worker in _idle():
-        worker.kill()
+def end_workers() -> None:
+    """End the workers that have nothing to do."""
+    while _idle():
+        _idle().pop().kill()
 
 
 ENGINES: dict[str, Callable[[Any, Any, int], Iterator[tuple[int, Any]]]] = {"local": _run_locally}

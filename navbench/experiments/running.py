@@ -17,7 +17,7 @@ from navbench.experiments.parts import DAMAGED
 from navbench.experiments.plan import Plan, Planned, around, batches_of_all
 from navbench.experiments.store import OTHERWISE, Results, batch_name, episodes_of, tuning_name, unfinished_name
 from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, checks_of, run_tuning
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, MachineError
 from navbench.records import CellKey, TuningKey
 from navbench.validation import DescriptionError
 
@@ -89,7 +89,9 @@ def _carried_out(running: "_Running") -> Ran:
         running.search()
         ran = running.drive()
     except BaseException as error:
-        if isinstance(error, ValueError):  # what cannot be run is not gone on with
+        if isinstance(error, ValueError) and not isinstance(
+            error, MachineError
+        ):  # what cannot be run is not gone on with
             results.keep_only(["evaluations"], [tuning_name(tuning.key()) for tuning in running.plan.tunings])
         results.write_csv()
         results.abandon()
@@ -149,7 +151,8 @@ def _carefully(search: _Search) -> list[_Search]:
 
 
 def _refuse(search: _Search, death: Death) -> Evaluation:
-    raise DescriptionError(f"tuning {search.tuning.name}, seed {search.tuning.seed}: {death.reason}")
+    what = f"tuning {search.tuning.name}, seed {search.tuning.seed}: "
+    raise MachineError(death, what) if death.by_machine else DescriptionError(f"{what}{death.reason}")
 
 
 SEARCHES: Work[_Search, Evaluation] = Work(_search, _carefully, _refuse, lambda done: done[0])
@@ -317,21 +320,22 @@ class _Running:
         finished = planned - sum(len(part.batch.episodes) for part in todo)
         if todo:
             self.progress("episodes", finished, planned)
-        reasons: dict[str, None] = {}
+        reasons: dict[str, DescriptionError] = {}
         with closing(
             run(PARTS_OF_CELLS, todo, self.engine, self.workers)
         ) as done:  # so that nothing is written any more
             for index, ended in done:
                 part = todo[index]
                 if isinstance(ended, DescriptionError):
-                    reasons[f"{part.key.label} in {part.key.names.world}: {ended}"] = None
+                    reasons[f"{part.key.label} in {part.key.names.world}: {ended}"] = ended
                     continue
                 if ended is not None:  # its process died, and its pieces were run singly
                     part.keep(ended)
                 finished += len(part.batch.episodes)
                 self.progress("episodes", finished, planned)
         if not finished:
-            raise DescriptionError(next(iter(reasons)))
+            reason, error = next(iter(reasons.items()))
+            raise error if isinstance(error, MachineError) else DescriptionError(reason)
         return Ran(results, finished, planned, tuple(reasons))
 
     def _batches(self, cells: Sequence[Cell]) -> Planned:

@@ -13,7 +13,7 @@ from navbench.contract import Controller, FloatArray
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
 from navbench.experiments.engines import Work, run
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, MachineError
 from navbench.metrics import declared
 from navbench.records import RobotRecord, TuningKey
 from navbench.tuning.search import Tuner, batches
@@ -380,10 +380,10 @@ def _lost(part: _Part, death: Death) -> list[_Driven]:
     """Return what an episode costs whose process died: as much as one in which the controller raised at once.
 
     Raises:
-        DescriptionError: the machine is to blame, and there is nothing to compare the evaluation by.
+        MachineError: it was killed from outside, and there is nothing to compare the evaluation by.
     """
     if death.by_machine:
-        raise DescriptionError(f"machine_error: evaluation {part.first_index} of {part.tuning.name}: {death.reason}")
+        raise MachineError(death, f"evaluation {part.first_index} of {part.tuning.name}: ")
     number, episode = part.episode or (0, 0)
     with part.tuning.cells[number].runner() as runner:
         runner.make_controller, runner.seed = _raise, part.tuning.seed

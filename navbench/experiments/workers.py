@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 from navbench.episode.timeout import EXPIRED, stop_timers
 from navbench.raised import one_line
+from navbench.validation import DescriptionError
 
 NAME = "navbench worker"
 FORKS = sys.platform == "linux"
@@ -45,6 +46,13 @@ class Death(NamedTuple):
     reason: str
     traceback: str = ""
     by_machine: bool = False
+
+
+class MachineError(DescriptionError):
+    """What was to be done was killed from outside each time that it was tried; nothing is wrong with it."""
+
+    def __init__(self, death: Death, what: str = "") -> None:
+        super().__init__(f"machine_error: {what}{death.reason}")
 
 
 class Worker:
@@ -110,7 +118,7 @@ class Worker:
         with suppress(Error):  # it has ended meanwhile
             seen, most = Process(self._pid), MEMORY_SHARE * virtual_memory().total
             if seen.memory_info().rss > most:
-                self._killed = Death(f"took more than {most / 1e9:.3g} GB of memory")
+                self._killed = Death(f"its process took more than {most / 1e9:.3g} GB of memory")
             elif seen.status() == STATUS_STOPPED:
                 self._killed = Death("its process was stopped", by_machine=True)
         if self._killed:
