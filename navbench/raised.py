@@ -15,8 +15,22 @@ LINE_MAX = 60  # characters of a source line
 def one_line(error: BaseException) -> str:
     """Return what an exception says, shortened, and where it was raised, as ``own_line`` does."""
     kind = "" if isinstance(error, DescriptionError) else f"{type(error).__name__}: "
-    text = " ".join(f"{kind}{error}".split())
+    text = f"{kind}{said_by(error)}".strip()
     return (text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "...") + own_line(error)
+
+
+def said_by(error: BaseException) -> str:
+    """Return what an exception says, as one line."""
+    try:
+        said = str(error)
+    except BaseException as wrong:  # of a user's own __str__
+        said = f"says nothing: its __str__ raises {type(wrong).__name__}"
+    return storable(" ".join(said.split()))
+
+
+def storable(text: str) -> str:
+    """Return a text without halves of characters, which no file takes."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def own_line(error: BaseException) -> str:

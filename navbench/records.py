@@ -62,10 +62,12 @@ class RobotRecord(NamedTuple):
     traceback: str = ""
 
     @classmethod
-    def lost(cls, robot_index: int, outcome: Outcome, reason: str, metrics: Iterable[Metric]) -> "RobotRecord":
+    def lost(
+        cls, robot_index: int, outcome: Outcome, reason: str, metrics: Iterable[Metric], traceback: str = ""
+    ) -> "RobotRecord":
         """Return what is known of a robot of which nothing was recorded."""
-        values = {metric.name: metric.lost for metric in metrics}
-        return cls(robot_index, outcome, reason, values, np.empty((0, 6)), np.empty((0, 0)), (), np.empty(0))
+        values, none = {metric.name: metric.lost for metric in metrics}, np.empty((0, 0))
+        return cls(robot_index, outcome, reason, values, np.empty((0, 6)), none, (), np.empty(0), traceback=traceback)
 
 
 class Names(NamedTuple):

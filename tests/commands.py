@@ -30,9 +30,8 @@ def in_a_process(folder: Path, *words: str) -> Done:
 
 def workers_of(pid: int) -> list[int]:
     """Return the worker processes of a driver that are alive."""
-    found = []
-    for child in psutil.Process(pid).children():
-        with suppress(psutil.Error):  # it ended meanwhile
-            if any("popen_loky_posix" in word for word in child.cmdline()):
-                found.append(child.pid)
-    return found
+    with suppress(psutil.Error):  # it ended meanwhile
+        for child in psutil.Process(pid).children():
+            if any("multiprocessing.forkserver" in word for word in child.cmdline()):
+                return [worker.pid for worker in child.children() if worker.status() != psutil.STATUS_ZOMBIE]
+    return []

@@ -11,8 +11,7 @@ navbench check world=NAME [robot=NAME] [seed=S] [episodes=100]: whether its layo
 
   commands    are finite, and nothing raises
   limits      whether the wheels can do what it asks for
-  observes    it leaves its observations as they are
-  repeats     the same to the last bit again, in another order, with other global seeds, in another process
+  repeats     the same to the last bit again, in another order, in another process
   compiled    act answers as the compiled policy does
   sensors     it drives with what it says it needs (sensor_roles, sensor_kind)
   mirrored    in the mirrored world it drives the mirrored path, where its sensors are the same on both sides

@@ -96,17 +96,21 @@ def cell_of(run: Composed) -> Cell:
         episodes=run.values["episodes"] if alone is None else 1,
         first_episode=alone or 0,
         metrics=metrics_of(run.values["metrics"]),
+        timeout_s=run.values["controller_timeout_s"],
     )
 
 
 def _check_numbers(values: Mapping[str, Any]) -> None:
     """Check the numbers beside the groups."""
-    most = {"episodes": (1, EPISODES_MAX), "workers": (1, float("inf")), "seed": (0, SEED_MAX)}
+    most = {"episodes": (1, EPISODES_MAX), "workers": (0, float("inf")), "seed": (0, SEED_MAX)}
     most["episode"] = (0, EPISODES_MAX)
     for key, (low, high) in most.items():
         if values[key] is not None and not low <= values[key] <= high:
             allowed = f"at least {low}" if high == float("inf") else f"from {low} to {high}"
             raise DescriptionError(f"{key}={values[key]}: must be {allowed}")
+    timeout_s = values["controller_timeout_s"]
+    if timeout_s is not None and not 0.0 < timeout_s < float("inf"):
+        raise DescriptionError(f"controller_timeout_s={timeout_s}: must be a finite number above 0, or null for any")
     for key in ("start_jitter_m", "start_heading_jitter_rad"):
         if not 0 <= values[key] < float("inf"):
             raise DescriptionError(f"{key}={values[key]}: must be finite and at least 0")

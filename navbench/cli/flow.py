@@ -16,6 +16,7 @@ from navbench.cli.tables import write_tables
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import run_plan
 from navbench.experiments.store import Results
+from navbench.experiments.workers import MachineError
 from navbench.validation import DescriptionError
 
 INTERRUPTED = 130  # the exit code
@@ -58,7 +59,7 @@ def carry_out(
         code = finish(ran.results) or 0
     except BrokenPipeError:  # who reads the output has seen enough
         raise
-    except (KeyboardInterrupt, OSError) as error:  # of a full disk, say
+    except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
         return _stopped(error, step, stage, path, shlex.join(["navbench", *again]))
     planned = ran.planned + missing
     if ran.finished == planned:
@@ -87,6 +88,9 @@ def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, ag
     """
     interrupted = isinstance(error, KeyboardInterrupt)
     kept = (path / "manifest.json").is_file()
+    if isinstance(error, MachineError) and not kept:
+        complain(f"{error}; nothing is kept")
+        return UNFINISHED
     if not interrupted and not (kept and step):
         raise error
     if not kept:

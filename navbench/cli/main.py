@@ -37,7 +37,9 @@ keys of a run or sweep
   episodes=N seed=N                                 how many episodes, and the seed of all random streams
   episode=K                                         the one episode of index K alone
   start_jitter_m=X start_heading_jitter_rad=X       move and turn the starts at random by up to this
-  workers=N                                         processes; default one a core
+  workers=N                                         processes, in which controllers run; default one a core; 0 runs them
+                                                    in this one, for a debugger, and nothing protects it from them
+  controller_timeout_s=X                            CPU time that a step of a controller may take; default 60
   hydra.run.dir=DIR hydra.sweep.dir=DIR             where the results go; default outputs/DATE/TIME-...; what an
                                                     earlier call with the same words finished there is kept
   resume=other-code                                 keep it even where code that makes results has changed since

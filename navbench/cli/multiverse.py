@@ -19,7 +19,7 @@ HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of w
   decide=1024                                       in how many each factor is moved alone, to see what decides
   search=320                                        evaluations of each search for where printed numbers hold together
   seed=0                                            of all draws
-  workers=N                                         processes; default one a core
+  workers=N                                         processes; default one a core; 0 for none, for a debugger
   tuned=DIR                                         the study's results, for what its tunings found
   out=DIR                                           where the reconstructions are kept; default outputs/multiverse/STUDY
   resume=other-code                                 go on with what was run before navbench or a controller was changed
@@ -120,9 +120,8 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
         if key in ("tuned", "out"):
             options[key] = value
             continue
-        least = 1 if key == "workers" else 0
-        if not (value.isdecimal() and int(value) >= least):
-            raise DescriptionError(f"{word}: must be a whole number of at least {least}")
+        if not value.isdecimal():
+            raise DescriptionError(f"{word}: must be a whole number of at least 0")
         options[key] = int(value)
     for key, size, why in (
         ("n", SCRAMBLES * BLOCK, "of each scramble as many"),

@@ -2,37 +2,41 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
-from navbench.cli.composing import composing
-from navbench.cli.configuration import cell_of
-from navbench.cli.flow import carry_out
 from navbench.cli.progress import complain
-from navbench.cli.tables import print_tables
 from navbench.cli.words import sort_words
-from navbench.experiments.cells import Cell
 from navbench.experiments.engines import in_processes, start
-from navbench.experiments.plan import Plan
 from navbench.validation import DescriptionError
 
-IMPORTED = (  # by processes, to run episodes, to keep them and to draw them
-    *("navbench.experiments.cells", "navbench.experiments.running", "pyarrow.parquet", "pandas"),
-    *("navbench.report.picture", "matplotlib.figure"),
+if TYPE_CHECKING:
+    from navbench.experiments.cells import Cell
+
+DRIVING = (  # imported by processes, to run episodes and to keep them
+    *("navbench.experiments.running", "navbench.experiments.warm", "navbench.simulation.bullet", "pyarrow.parquet"),
 )
+DRAWING = ("pandas", "navbench.report.picture", "matplotlib.figure")  # and to draw those of a sweep
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run the cells that the words describe, print their table, and return the exit code."""
     words = sort_words(arguments, ("--config-dir", "--multirun", "--cfg", "--overwrite"))
+    if words.names:
+        raise DescriptionError(f"{words.names[0]}: cannot be read; a word is key=value without spaces")
+    if not words.cfg and "workers=0" not in words.overrides:
+        start([*DRIVING, *(DRAWING if words.multirun else ())])  # while this process imports and composes
+    from navbench.cli.composing import composing
+    from navbench.cli.configuration import cell_of
+    from navbench.cli.flow import carry_out
+    from navbench.cli.tables import print_tables
+    from navbench.experiments.plan import Plan
+
     with composing(words.config_dir) as composer:
-        if words.names:
-            raise DescriptionError(f"{words.names[0]}: cannot be read; a word is key=value without spaces")
         if words.cfg:
             print(composer.text("run", words.overrides), end="")
             return 0
         composing_them, path = composer.command("run", words.overrides, sweep=words.multirun)
         first = next(composing_them)
-        if words.multirun and not path.exists():
-            start(IMPORTED, first.values["workers"])  # while the others are composed
         composed = [first, *composing_them]
     cells: list[Cell] = []
     wrong: dict[str, int] = {}
@@ -50,5 +54,5 @@ def run(arguments: Sequence[str]) -> int:
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
     workers = first.values["workers"]
     options = {"workers": workers, **words.kept}
-    finish = partial(print_tables, each=partial(in_processes, workers=workers))
+    finish = partial(print_tables, each=partial(in_processes, workers=workers if words.multirun else 0))
     return carry_out(Plan(cells=tuple(cells)), path, again, finish, sum(wrong.values()), **options)

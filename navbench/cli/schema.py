@@ -31,6 +31,7 @@ class Run:
     start_jitter_m: float = omegaconf.MISSING
     start_heading_jitter_rad: float = omegaconf.MISSING
     workers: int | None = omegaconf.MISSING
+    controller_timeout_s: float | None = omegaconf.MISSING
     metrics: list[str] = omegaconf.MISSING
 
 

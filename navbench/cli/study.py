@@ -13,7 +13,7 @@ HELP = """navbench study NAME: run what is missing of a study into outputs/study
 and report.html
 
   engine=local                                      where to run
-  workers=N                                         processes; default one a core
+  workers=N                                         processes; default one a core; 0 for none, for a debugger
   reconstruction=best                               as the best reconstruction of its multiverse has it, which is fitted
                                                     to the printed numbers, into results/NAME/best
   resume=other-code                                 keep what was run before navbench or a controller was changed
@@ -66,7 +66,7 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
             raise DescriptionError(f"engine={value}: unknown choice; {instead(value, ENGINES)}")
         if key == "reconstruction" and value != "best":
             raise DescriptionError(f"{word}: {instead(value, ['best'])}")
-        if key == "workers" and not (value.isdecimal() and int(value) >= 1):
-            raise DescriptionError(f"workers={value}: must be a whole number of at least 1")
+        if key == "workers" and not value.isdecimal():
+            raise DescriptionError(f"workers={value}: must be a whole number of at least 0")
         options[key] = int(value) if key == "workers" else value
     return options

@@ -9,8 +9,9 @@ from numbers import Real
 from textwrap import shorten
 from typing import Any, NamedTuple
 
+from navbench.episode.isolation import let_interrupt
 from navbench.metrics import MetricFunction, RobotRun, declared
-from navbench.raised import REASON_MAX, first_line, is_framework, one_line
+from navbench.raised import REASON_MAX, first_line, is_framework, one_line, storable
 
 FRAMES_MAX = 20  # of a traceback, the innermost
 
@@ -78,7 +79,7 @@ def failure(error: BaseException, act: object = None) -> Failure:
     while frame is not None and frame.tb_next is not None and is_framework(frame.tb_frame.f_code.co_filename):
         frame = frame.tb_next
     lines = traceback.format_exception(type(error), error, frame, limit=-FRAMES_MAX)
-    return Failure(one_line(error), "".join(lines))
+    return Failure(one_line(error), storable("".join(lines)))
 
 
 def measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str, float], list[Failure]]:
@@ -91,7 +92,8 @@ def measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str
             if not isinstance(value, int | float | Real):
                 raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
             values[metric.name] = value if type(value) is int else float(value)
-        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this value, no more
+        except BaseException as error:  # a user's code may raise anything; it costs this value, no more
+            let_interrupt(error)
             fault = failure(error, function)
             values[metric.name] = math.nan
             faults.append(fault._replace(reason=f"metric {metric.name}: {fault.reason}"))

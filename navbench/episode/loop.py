@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from navbench.contract import Command, Controller, Observation, Pose, Setup
 from navbench.episode.closed_loop import run_closed
 from navbench.episode.failures import Failure, failure, measured, velocities
+from navbench.episode.isolation import Isolation, let_interrupt
 from navbench.episode.perception import Perception, Senses
 from navbench.episode.pilot import Pilot
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
@@ -63,6 +64,7 @@ class EpisodeRunner:
         seed: the seed of all streams.
         jitter: of the starts.
         metrics: what is measured of each robot.
+        timeout_s: CPU time that a step may take before this process ends [s]; None for any.
 
     Attributes:
         robots: how many robots drive.
@@ -89,10 +91,12 @@ class EpisodeRunner:
         seed: int,
         jitter: Jitter,
         metrics: Sequence[MetricFunction] = METRICS,
+        timeout_s: float | None = None,
     ) -> None:
         world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed, self._metrics = make_controller, seed, metrics
+        self._apart = Isolation(timeout_s)
         self._made: tuple[object, dict[int, CompiledController]] = None, {}
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
@@ -132,11 +136,13 @@ class EpisodeRunner:
             outcome: Outcome = "impossible" if isinstance(error, ImpossibleError) else "no_layout"
             metrics = declared(self._metrics)
             return [RobotRecord.lost(i, outcome, str(error), metrics) for i in range(self._template.robots)]
+        self._apart.timeout.episode()
         pilots = self.begin(drawn, episode)
         if self.simulator.is_compiled and all(isinstance(pilot.controller, CompiledController) for pilot in pilots):
             try:
                 self._close(pilots)
-            except Exception:  # a policy's own: its robot is found step by step
+            except BaseException as error:  # a policy's own: its robot is found step by step
+                let_interrupt(error)
                 pilots = self.begin(drawn, episode)
                 self._drive(pilots)
         else:
@@ -176,6 +182,7 @@ class EpisodeRunner:
             if not self.simulator.active:
                 break
             t_s = k * self.period_s
+            self._apart.timeout.step()
             motions = self._period(pilots, motions, t_s, min(self.period_s, time_limit_s - t_s))
         for pilot in pilots:
             pilot.states = np.array(pilot.rows).reshape(-1, 6)
@@ -246,7 +253,8 @@ class EpisodeRunner:
         perception = Perception(self.senses, start, goal, name)
         try:
             return Pilot(self._begun(index, name), perception)
-        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
+        except BaseException as error:  # a user's code may raise anything; it costs this robot, not the study
+            let_interrupt(error)
             return Pilot(_Absent(), perception, outcome="controller_error", failure=failure(error))
 
     def _begun(self, index: int, name: tuple[int, str, int, int]) -> Controller:
@@ -257,9 +265,12 @@ class EpisodeRunner:
         if index in controllers:
             controllers[index].begin(self.setup)
             return controllers[index]
+        self._apart.begin(name)
         controller = self.make_controller()
+        self._apart.check()
         seed, world, episode, _ = name
         controller.reset(self.setup, stream(seed, world, episode, "controller", index))
+        self._apart.check()
         if isinstance(controller, CompiledController) and type(controller).reset is CompiledController.reset:
             controllers[index] = controller  # nothing of an episode is left in it but its policy, which is made anew
         return controller
@@ -303,12 +314,15 @@ class EpisodeRunner:
             begin = time.perf_counter()
             command = pilot.controller.act(observation)
             pilot.latencies_s.append(time.perf_counter() - begin)
+            self._apart.check()
             v, w = velocities(command)
             pilot.keep_trace()
             if self._converts:
                 v, w = self._similarity.to_world(Command(v, w))
             simulator.command(index, v, w)
-        except (Exception, SystemExit) as error:  # a user's code may raise anything; it costs this robot, not the study
+        except BaseException as error:  # a user's code may raise anything; it costs this robot, not the study
+            self._apart.check()
+            let_interrupt(error)
             pilot.outcome, pilot.failure = "controller_error", failure(error, pilot.controller.act)
             simulator.stop(index)
 

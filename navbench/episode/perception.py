@@ -35,7 +35,12 @@ SENSING = np.dtype(
 )
 
 
-_NO_DISCS: FloatArray = np.empty((0, 5))
+def _frozen(array: FloatArray) -> FloatArray:
+    """Return a copy that nobody can write to, and that leads to nothing else."""
+    return np.ndarray(array.shape, buffer=array.tobytes())
+
+
+_NO_DISCS = _frozen(np.empty((0, 5)))
 
 
 class Errors(NamedTuple):
@@ -167,7 +172,7 @@ class Perception:
         """
         senses = self._senses
         if senses.is_exact and discs is None:
-            return Observation(t_s, true_pose, self.goal, *true_speed, ranges_m, touching, _NO_DISCS)
+            return Observation(t_s, true_pose, self.goal, *true_speed, _frozen(ranges_m), touching, _NO_DISCS)
         errors = self.draw(1, 0 if discs is None else len(discs)) if senses.errs else _NO_ERRORS
         if not self.drifts:
             self.believed[:] = *true_pose, *true_speed
@@ -175,7 +180,8 @@ class Perception:
         around = _NO_DISCS
         if discs is not None:
             around = discs.copy()
-            around = around[: track(around, errors.places[0], *true_pose, self.believed, senses.constants)]
+            seen = track(around, errors.places[0], *true_pose, self.believed, senses.constants)
+            around = _frozen(around[:seen])
         x, y, heading, v, w = self.believed.tolist()
         length, time = self._length, self._time
         return Observation(
@@ -184,7 +190,7 @@ class Perception:
             self.goal,
             v * time / length,
             w * time,
-            ranges_m,
+            _frozen(ranges_m),
             touching,
             around,
         )

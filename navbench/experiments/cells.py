@@ -15,6 +15,7 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
 from navbench.experiments.engines import Work
+from navbench.experiments.workers import Death, MachineError, in_worker
 from navbench.metrics import METRICS, MetricFunction, declared
 from navbench.policy import CompiledController
 from navbench.records import CellKey, Names, RobotRecord
@@ -55,6 +56,7 @@ class Cell:
         tuning: the name of the tuning whose best parameters it takes; empty for none.
         tuning_seed: that tuning's seed; -1 without one.
         metrics: what is measured of each robot.
+        timeout_s: CPU time that a step may take in a worker [s]; None for any.
     """
 
     names: Names
@@ -77,6 +79,7 @@ class Cell:
     tuning: str = ""
     tuning_seed: int = -1
     metrics: tuple[MetricFunction, ...] = METRICS
+    timeout_s: float | None = None
 
     @property
     def make_controller(self) -> partial[Controller]:
@@ -143,6 +146,7 @@ class Cell:
             seed=self.seed,
             jitter=self.jitter,
             metrics=self.metrics,
+            timeout_s=self.timeout_s if in_worker() else None,
         )
 
 
@@ -227,11 +231,12 @@ def _pieces(batch: Batch) -> list[Batch]:
     return [Batch(batch.cell, range(episode, episode + 1)) for episode in batch.episodes]
 
 
-def _lost(batch: Batch) -> Records:
-    """Return what is known of episodes whose process died: that it did."""
-    reason = "the controller's process died"
-    metrics = declared(batch.cell.metrics)
-    lost = [RobotRecord.lost(i, "controller_error", reason, metrics) for i in range(batch.cell.world.robots)]
+def _lost(batch: Batch, death: Death) -> Records | DescriptionError:
+    """Return what is known of episodes whose process died: of what, unless the machine is to blame."""
+    if death.by_machine:
+        return MachineError(death)
+    metrics, robots = declared(batch.cell.metrics), range(batch.cell.world.robots)
+    lost = [RobotRecord.lost(i, "controller_error", death.reason, metrics, death.traceback) for i in robots]
     return [(episode, record) for episode in batch.episodes for record in lost]
 
 

@@ -1,28 +1,26 @@
 """Where work runs: one generator hides whether a batch runs here or in another process, and what happens to it there.
 
-A batch whose process dies is run again. After two deaths its pieces run singly, each in a process of its own, so that
-only the piece that kills is lost, and the rest of the work goes on.
+The pieces of a batch whose process dies are run again singly, each in a process of its own, so that only the piece that
+kills is lost, and the rest of the work goes on. A batch whose process was killed from outside is tried again later.
 """
 
 import atexit
-import gc
 import os
-import signal
-import sys
-import threading
-import time
-import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
-from importlib import import_module
+from contextlib import suppress
+from functools import cache
+from multiprocessing import current_process
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from navbench.experiments.workers import Death, Worker, place, start_server
 from navbench.validation import DescriptionError
 
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
 
-DEATHS_MAX = 2  # one may be the machine's doing (memory, a signal); two are the batch's
+TRIES = 3  # of what the machine kills
 
 
 class Work(NamedTuple, Generic[Batch, Result]):
@@ -31,13 +29,13 @@ class Work(NamedTuple, Generic[Batch, Result]):
     Attributes:
         do: does one batch; it and its batches can be sent to another process.
         pieces: cuts a batch that keeps dying into smaller ones, in order.
-        lost: the result of a piece whose process died.
+        lost: the result of a piece whose process died, and of what; of a whole batch where it was killed from outside.
         join: puts the results of a batch's pieces together.
     """
 
     do: Callable[[Batch], Result]
     pieces: Callable[[Batch], Sequence[Batch]]
-    lost: Callable[[Batch], Result]
+    lost: Callable[[Batch, Death], Result]
     join: Callable[[Sequence[Result]], Result]
 
 
@@ -50,8 +48,8 @@ def run(
         work: what to do.
         batches: what to do it on.
         engine: where: "local", this machine's cores.
-        workers: processes; None for one a core, and no more than there are batches. One runs in this process; a batch
-            that kills its process is survived with two or more asked for, even if it is the only one.
+        workers: processes, no more than there are batches; None for one a core; 0 does all in this process, as does a
+            process that may have no others, such as those of ``multiprocessing.Pool``.
 
     Raises:
         ValueError: there is no such engine.
@@ -59,32 +57,22 @@ def run(
     """
     if engine not in ENGINES:
         raise ValueError(f"engine={engine}: there is no such engine; allowed: {', '.join(ENGINES)}")
-    count = workers or min(os.cpu_count() or 1, len(batches))
-    if count <= 1:
+    if workers == 0 or current_process().daemon:
         for index, batch in enumerate(batches):
             yield index, work.do(batch)
     else:
-        yield from ENGINES[engine](work, batches, min(count, max(len(batches), 1)))
+        yield from ENGINES[engine](work, batches, min(workers or os.cpu_count() or 1, len(batches)))
 
 
-def start(modules: Sequence[str], workers: int | None = None) -> None:
-    """Start the processes in which ``run`` will do local work, and return at once.
+def start(modules: Sequence[str]) -> None:
+    """Begin to start the processes in which ``run`` will do local work, and return at once.
 
     Args:
         modules: what they import.
-        workers: as in ``run``.
     """
-    count = workers or os.cpu_count() or 1
-    if count > 1:
-        executor = _executor(count)
-        with _starting_processes():
-            for _ in range(count):
-                executor.submit(_import, modules)
-
-
-def _import(modules: Sequence[str]) -> None:
-    for module in modules:
-        import_module(module)
+    thread = Thread(target=start_server, args=(modules,))
+    thread.start()
+    thread.join()
 
 
 def in_processes(
@@ -103,8 +91,8 @@ def in_processes(
         Exception: whatever it raises.
     """
 
-    def lost(item: Batch) -> Result:
-        raise DescriptionError(f"a process died of its work on {str(item)[:100]}")
+    def lost(item: Batch, death: Death) -> Result:
+        raise DescriptionError(f"{death.reason}, at its work on {str(item)[:100]}")
 
     work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0])
     done = dict(run(work, items, engine, workers))
@@ -112,124 +100,113 @@ def in_processes(
 
 
 def _run_locally(work: Work[Batch, Result], batches: Sequence[Batch], workers: int) -> Iterator[tuple[int, Result]]:
-    """Run batches in worker processes of this machine."""
-    deaths = dict.fromkeys(range(len(batches)), 0)
-    while deaths:
-        dying = [index for index, count in deaths.items() if count >= DEATHS_MAX]
-        for index in dying:
-            yield index, work.join([_alone(work, piece) for piece in work.pieces(batches[index])])
-            del deaths[index]
-        for index, result in _until_a_death(work, batches, list(deaths), workers, deaths):
-            del deaths[index]
+    """Run batches in worker processes of this machine, each of which a thread looks after."""
+    todo: SimpleQueue[tuple[int, int]] = SimpleQueue()
+    done: SimpleQueue[tuple[int, Result, BaseException | None]] = SimpleQueue()
+    keepers = [_Keeper(work, batches, todo, done) for _ in range(workers)]
+    for index in range(len(batches)):
+        todo.put((index, TRIES))
+    try:
+        for keeper in keepers:
+            keeper.start()
+        for _ in batches:
+            index, result, error = done.get()
+            if error is not None:
+                raise error
             yield index, result
+    finally:  # also at an interrupt, an error of the work, or when the caller wants no more
+        for keeper in keepers:
+            keeper.stop()
 
 
-def _until_a_death(
-    work: Work[Batch, Result], batches: Sequence[Batch], todo: list[int], workers: int, deaths: dict[int, int]
-) -> Iterator[tuple[int, Result]]:
-    """Run batches until all are done or a process dies; count a death for each batch that was under way then.
+class _Keeper(Thread):
+    """Has a worker do batches that nobody has begun, one after another."""
 
-    Each process has the next batch waiting, so that none idles while the caller makes use of a result.
-    """
-    from concurrent.futures import FIRST_COMPLETED, wait
+    def __init__(self, work: Work[Any, Any], batches: Sequence[Any], todo: SimpleQueue[Any], done: Any) -> None:
+        super().__init__(daemon=True)
+        self._work, self._batches, self._todo, self._done = work, batches, todo, done
+        self._worker: Worker | None = None
+        self._stopped = False
 
-    executor = _executor(workers)
-    under_way: dict[Any, int] = {}
-    try:
-        while todo or under_way:
-            while todo and len(under_way) < 2 * workers:
-                index = todo.pop(0)
-                with _starting_processes():
-                    under_way[executor.submit(work.do, batches[index])] = index
-            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in done:
-                result = future.result()
-                yield under_way.pop(future), result
-    except _broken() as death:
-        unfinished = [i for future, i in under_way.items() if not (future.done() and future.exception() is None)]
-        for index in unfinished[:workers]:  # the others waited
-            deaths[index] += 1
-        del death
-    except BaseException:  # an interrupt, an error of the work, or a caller that wants no more
-        executor.shutdown(wait=True, kill_workers=True)
-        raise
+    def run(self) -> None:
+        """Do batches until none is left."""
+        with suppress(Empty):
+            while not self._stopped:
+                index, tries = self._todo.get_nowait()
+                try:
+                    self._try(index, tries)
+                except BaseException as error:  # of the work; it is raised where results are awaited
+                    self._done.put((index, None, error))
 
+    def stop(self) -> None:
+        """Do no more: what is under way is ended, and nothing of it is written any more."""
+        self._stopped = True
+        if self._worker is not None:
+            self._worker.kill()
+        if self.is_alive():
+            self.join()
 
-def _executor(workers: int) -> Any:
-    """Return what runs work in processes; they are kept for the next call."""
-    from joblib.externals.loky import get_reusable_executor
+    def _try(self, index: int, tries: int) -> None:
+        """Do a batch, or have it tried again later."""
+        batch, worker = self._batches[index], _worker()
+        try:
+            result = self._do(worker, batch)
+        finally:
+            _idle().append(worker)
+        if isinstance(result, Death):
+            if result.by_machine and tries > 1:
+                self._todo.put((index, tries - 1))
+                return
+            if result.by_machine:
+                result = self._work.lost(batch, result)
+            else:
+                result = self._work.join([self._alone(piece) for piece in self._work.pieces(batch)])
+        self._done.put((index, result, None))
 
-    # a process that holds much memory is replaced by a new one, and nothing is lost
-    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
-    with _starting_processes():
-        told = os.getpid(), os.getcwd(), *sys.path
-        return get_reusable_executor(max_workers=workers, initializer=_begin, initargs=told)
+    def _alone(self, piece: Any) -> Any:
+        """Return what a piece comes to in a process of its own."""
+        for _ in range(TRIES):
+            worker = Worker()
+            try:
+                result = self._do(worker, piece)
+            finally:
+                worker.kill()
+            if not (isinstance(result, Death) and result.by_machine):
+                break
+        return self._work.lost(piece, result) if isinstance(result, Death) else result
 
-
-def _alone(work: Work[Batch, Result], piece: Batch) -> Result:
-    """Do one piece in a process of its own."""
-    from joblib.externals.loky import ProcessPoolExecutor
-
-    executor = ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(), os.getcwd()))
-    try:
-        with _starting_processes():
-            future = executor.submit(work.do, piece)
-        result: Result = future.result()
-        return result
-    except _broken():
-        return work.lost(piece)
-    finally:
-        executor.shutdown(wait=True, kill_workers=True)
-
-
-def _begin(driver: int, folder: str, *_: str) -> None:
-    """Have this worker end soon after its driver was killed: nobody would read what it says, and it would wait.
-
-    A worker works in the folder and imports from where its driver did when it was started; where these have changed,
-    others are started.
-    """
-    from psutil import Process
-
-    os.chdir(folder)
-
-    def watch() -> None:
-        while (parent := Process().parent()) is not None and parent.pid == driver:
-            time.sleep(1.0)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-    atexit.register(gc.freeze)  # else the interpreter looks through all objects once more before it ends
+    def _do(self, worker: Worker, batch: Any) -> Any:
+        self._worker = worker
+        if self._stopped:
+            raise InterruptedError
+        try:
+            return worker.do(self._work.do, batch)
+        finally:
+            self._worker = None
 
 
-@contextmanager
-def _starting_processes() -> Iterator[None]:
-    """Hold Ctrl-C back for a moment: loky's threads would be left half made, and the processes would answer it too."""
-    if threading.current_thread() is not threading.main_thread() or sys.platform == "win32":
-        yield  # Python lets no other thread set handlers, and Windows has no mask of signals
-        return
-    import multiprocessing.resource_tracker
-
-    from joblib.externals.loky.backend import resource_tracker
-
-    resource_tracker.ensure_running()  # started inside, either would let Ctrl-C through
-    multiprocessing.resource_tracker.ensure_running()
-    held: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits, for good
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        signal.signal(signal.SIGINT, handler)
-        if held:
-            signal.raise_signal(signal.SIGINT)
+def _worker() -> Worker:
+    """Return a worker that has nothing to do, or a new one."""
+    with suppress(IndexError):
+        while True:
+            worker = _idle().pop()
+            if worker.alive and worker.place == place():
+                return worker
+            worker.kill()
+    return Worker()
 
 
-def _broken() -> type[BaseException]:
-    from joblib.externals.loky.process_executor import BrokenProcessPool
+@cache
+def _idle() -> list[Worker]:
+    """Return the list of workers that have nothing to do; they are kept for the next call."""
+    return []
 
-    broken: type[BaseException] = BrokenProcessPool
-    return broken
+
+@atexit.register
+def end_workers() -> None:
+    """End the workers that have nothing to do."""
+    while _idle():
+        _idle().pop().kill()
 
 
 ENGINES: dict[str, Callable[[Any, Any, int], Iterator[tuple[int, Any]]]] = {"local": _run_locally}

@@ -1,6 +1,5 @@
 """Episodes run again and watched: what a controller was asked and answered, and where two runs of it first differ."""
 
-import random
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,13 +21,11 @@ class Acts:
     Attributes:
         setup: the latest episode's.
         commands: what it answered, as the loop reads it: v [m/s], w [rad/s], native.
-        changed: which arrays of its observations it changed.
         times_s: how long each act took [s].
     """
 
     setup: Setup | None = None
     commands: list[tuple[float, float]] = field(default_factory=list)
-    changed: set[str] = field(default_factory=set)
     times_s: list[float] = field(default_factory=list)
 
 
@@ -43,11 +40,9 @@ class _Watched:
         self.controller.reset(setup, rng)
 
     def act(self, look: Observation) -> Command:
-        before = {name: getattr(look, name).copy() for name in ("ranges_m", "discs")}
         begin = time.perf_counter()
         command = self.controller.act(look)
         self.acts.times_s.append(time.perf_counter() - begin)
-        self.acts.changed |= {name for name, was in before.items() if not np.array_equal(was, getattr(look, name))}
         self.acts.commands.append(velocities(command))
         return command
 
@@ -56,10 +51,8 @@ class _Watched:
         return trace_of(self.controller)
 
 
-def drive(cell: Cell, *, back: bool = False, seed: int = 0) -> Records:
-    """Run a cell's episodes, forwards or back, with Python's and numpy's global generators seeded before."""
-    random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002
+def drive(cell: Cell, *, back: bool = False) -> Records:
+    """Run a cell's episodes, forwards or back."""
     with cell.runner() as runner:
         episodes = reversed(cell.indices) if back else cell.indices
         records = [(episode, record) for episode in episodes for record in runner.run(episode)]

@@ -11,12 +11,14 @@ from typing import Any, NamedTuple
 
 from navbench.experiments.cells import EPISODES, Batch, Cell, Records, digest
 from navbench.experiments.code import code_of, commit, roots_of
-from navbench.experiments.engines import Work, run
+from navbench.experiments.engines import Work, in_processes, run
+from navbench.experiments.evaluations import Evaluation
 from navbench.experiments.files import discard_empty, existing, locked
 from navbench.experiments.parts import DAMAGED
 from navbench.experiments.plan import Plan, Planned, around, batches_of_all
 from navbench.experiments.store import OTHERWISE, Results, batch_name, episodes_of, tuning_name, unfinished_name
-from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, checks_of, run_tuning
+from navbench.experiments.tunings import Tuning, TuningRecord, checks_of, run_tuning
+from navbench.experiments.workers import Death, MachineError
 from navbench.records import CellKey, TuningKey
 from navbench.validation import DescriptionError
 
@@ -59,7 +61,7 @@ def run_plan(
         plan: what is to run.
         path: the results directory. What an earlier call finished there is not run again, unless code that makes it
             has changed since; parts that are damaged are named and made anew.
-        workers: processes; None for one a core. A run with a window stays in this process.
+        workers: processes, as of ``engines.run``. A run with a window stays in this process.
         engine: where to run, see ``engines.run``.
         progress: told as the work goes on.
         other_code: whether to keep what other code made, too.
@@ -71,7 +73,7 @@ def run_plan(
     """
     results, there = Results(path), existing(path)
     if any(cell.options.gui for cell in plan.cells):
-        workers = 1
+        workers = 0
     running = _Running(plan, results, workers, engine, progress, other_code, overwrite)
     try:
         with locked(path):
@@ -88,7 +90,9 @@ def _carried_out(running: "_Running") -> Ran:
         running.search()
         ran = running.drive()
     except BaseException as error:
-        if isinstance(error, ValueError):  # what cannot be run is not gone on with
+        if isinstance(error, ValueError) and not isinstance(
+            error, MachineError
+        ):  # what cannot be run is not gone on with
             results.keep_only(["evaluations"], [tuning_name(tuning.key()) for tuning in running.plan.tunings])
         results.write_csv()
         results.abandon()
@@ -109,20 +113,19 @@ def best_of(results: Results, tuning: Tuning) -> tuple[int, float, dict[str, Any
 
 
 class _Search(NamedTuple):
-    """A tuning to be run, where it is kept, and the digest of its code."""
+    """A tuning to be run, where it is kept, the digest of its code, and with how many processes."""
 
     tuning: Tuning
     results: Results
     code: str
+    workers: int | None
 
     @property
     def key(self) -> TuningKey:
         return self.tuning.key()
 
 
-def _search(
-    search: _Search, workers: int | None = 1, progress: Callable[[TuningRecord], None] = lambda _: None
-) -> Evaluation:
+def _search(search: _Search, progress: Callable[[TuningRecord], None] = lambda _: None) -> Evaluation:
     """Run a tuning from where an earlier call left it, keep it, and return what was best."""
     key, results = search.key, search.results
     known: list[Evaluation] = []
@@ -137,17 +140,23 @@ def _search(
         results.write_evaluations(key, record.columns(), search.code, whole=False)
         progress(record)
 
-    record = run_tuning(search.tuning, workers, known, keep)
-    results.write_checks(key, checks_of(search.tuning, record), search.code)
+    record = run_tuning(search.tuning, search.workers, known, keep)
+    results.write_checks(key, checks_of(search.tuning, record, search.workers), search.code)
     results.write_evaluations(key, record.columns(), search.code)
     return record.evaluations[record.best_index]
 
 
-def _refuse(search: _Search) -> Evaluation:
-    raise DescriptionError(f"tuning {search.tuning.name}, seed {search.tuning.seed}: its process died")
+def _carefully(search: _Search) -> list[_Search]:
+    """Return a search whose process died, to go on with its evaluations in processes of their own."""
+    return [search._replace(workers=1)]
 
 
-SEARCHES: Work[_Search, Evaluation] = Work(_search, lambda search: [search], _refuse, lambda done: done[0])
+def _refuse(search: _Search, death: Death) -> Evaluation:
+    what = f"tuning {search.tuning.name}, seed {search.tuning.seed}: "
+    raise MachineError(death, what) if death.by_machine else DescriptionError(f"{what}{death.reason}")
+
+
+SEARCHES: Work[_Search, Evaluation] = Work(_search, _carefully, _refuse, lambda done: done[0])
 
 
 class _Part(NamedTuple):
@@ -186,7 +195,7 @@ def _join(pieces: Sequence[Records | DescriptionError | None]) -> Records | Desc
 
 
 PARTS_OF_CELLS: Work[_Part, Records | DescriptionError | None] = Work(
-    _run_part, _pieces, lambda part: EPISODES.lost(part.batch), _join
+    _run_part, _pieces, lambda part, death: EPISODES.lost(part.batch, death), _join
 )
 
 
@@ -270,19 +279,20 @@ class _Running:
         stale = self._of_other_code("evaluations", parts)
         self.results.keep_only(["evaluations"], set(parts) - (stale - set(whole)))
         todo = [
-            _Search(tuning, self.anywhere, code)
+            _Search(tuning, self.anywhere, code, self.workers)
             for tuning, (name, code) in zip(self.plan.tunings, whole.items(), strict=True)
             if name in stale or not all(self.results.has(kind, name) for kind in ("evaluations", "checks"))
         ]
         budgets = [search.tuning.budget for search in todo]
         done = 0
-        if len(todo) >= (self.workers or os.cpu_count() or 1) > 1:
-            for index, _ in run(SEARCHES, todo, self.engine, self.workers):
+        if len(todo) >= (os.cpu_count() or 1 if self.workers is None else self.workers) > 1:
+            alone = [search._replace(workers=0) for search in todo]
+            for index, _ in run(SEARCHES, alone, self.engine, self.workers):
                 done += budgets[index]
                 self.progress("evaluations", done, sum(budgets))
         else:
             for search, budget in zip(todo, budgets, strict=True):
-                _search(search, self.workers, partial(self._tell, done, sum(budgets)))
+                _search(search, partial(self._tell, done, sum(budgets)))
                 done += budget
 
     def _tell(self, before: int, of: int, record: TuningRecord) -> None:
@@ -311,20 +321,20 @@ class _Running:
         finished = planned - sum(len(part.batch.episodes) for part in todo)
         if todo:
             self.progress("episodes", finished, planned)
-        reasons: dict[str, None] = {}
-        workers = self.workers or (os.cpu_count() if len(parts) > 1 else 1)  # so that one that is left can die alone
-        with closing(run(PARTS_OF_CELLS, todo, self.engine, workers)) as done:  # so that nothing is written any more
+        reasons: dict[str, DescriptionError] = {}
+        with closing(run(PARTS_OF_CELLS, todo, self.engine, self.workers)) as done:  # so that no more is written
             for index, ended in done:
                 part = todo[index]
                 if isinstance(ended, DescriptionError):
-                    reasons[f"{part.key.label} in {part.key.names.world}: {ended}"] = None
+                    reasons[f"{part.key.label} in {part.key.names.world}: {ended}"] = ended
                     continue
                 if ended is not None:  # its process died, and its pieces were run singly
                     part.keep(ended)
                 finished += len(part.batch.episodes)
                 self.progress("episodes", finished, planned)
         if not finished:
-            raise DescriptionError(next(iter(reasons)))
+            reason, error = next(iter(reasons.items()))
+            raise error if isinstance(error, MachineError) else DescriptionError(reason)
         return Ran(results, finished, planned, tuple(reasons))
 
     def _batches(self, cells: Sequence[Cell]) -> Planned:
@@ -373,7 +383,14 @@ class _Running:
 
     def _write_descriptions(self, cells: Sequence[Cell]) -> None:
         """Write the tables that the cells' controllers offer of themselves, the first cell of each controller's."""
-        for name, cell in {cell.names.controller: cell for cell in reversed(cells)}.items():
-            if self.plan.study and hasattr(cell.controller, "describe"):
-                for part, table in cell.make_controller().describe().items():  # type: ignore[attr-defined]
+        first = {cell.names.controller: cell for cell in reversed(cells) if hasattr(cell.controller, "describe")}
+        if self.plan.study:
+            told = in_processes(_described, list(first.values()), self.engine, self.workers)
+            for name, tables in zip(first, told, strict=True):
+                for part, table in tables.items():
                     self.results.write_description(f"{name}-{part}", table)
+
+
+def _described(cell: Cell) -> dict[str, Any]:
+    tables: dict[str, Any] = cell.make_controller().describe()  # type: ignore[attr-defined]
+    return tables

@@ -1,8 +1,7 @@
 """A tuning: a controller's parameters searched for the least cost, every evaluation being whole episodes."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -10,11 +9,10 @@ import numpy as np
 from pydantic.dataclasses import dataclass as described
 
 from navbench.contract import FloatArray
-from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
-from navbench.experiments.engines import Work, run
+from navbench.experiments.evaluations import Evaluation, evaluator
 from navbench.metrics import declared
-from navbench.records import NOT_DRIVEN, RobotRecord, TuningKey
+from navbench.records import RobotRecord, TuningKey
 from navbench.tuning.search import Tuner, batches
 from navbench.tuning.space import Repair, Side, space_of
 from navbench.validation import STRICT, DescriptionError, NonNegative, Number
@@ -157,20 +155,6 @@ class Tuning:
         return {side.name: side.parameter(value) for side, value in zip(self.dimensions, values, strict=True)}
 
 
-class Evaluation(NamedTuple):
-    """What one point cost.
-
-    Attributes:
-        cost: the mean over all robots and episodes that had a layout; infinite without any.
-        reached: how many robots reached their goals.
-        robots: of how many.
-    """
-
-    cost: float
-    reached: int
-    robots: int
-
-
 class Check(NamedTuple):
     """What the best of a tuning cost when it was run again.
 
@@ -224,7 +208,7 @@ class TuningRecord(NamedTuple):
 
 def run_tuning(
     tuning: Tuning,
-    workers: int | None = 1,
+    workers: int | None = 0,
     known: Sequence[Evaluation] = (),
     after: Callable[[TuningRecord], None] = lambda _: None,
 ) -> TuningRecord:
@@ -232,7 +216,7 @@ def run_tuning(
 
     Args:
         tuning: what to search.
-        workers: processes for the evaluations of a generation; None for one a core.
+        workers: processes for the evaluations of a generation, as of ``engines.run``.
         known: its first evaluations, of an earlier call; whole generations of them are not evaluated again.
         after: called after each generation that was evaluated, with all so far.
 
@@ -242,7 +226,7 @@ def run_tuning(
     rng = np.random.default_rng(np.random.SeedSequence([tuning.seed]))
     evaluations: list[Evaluation] = []
     values = np.empty((0, len(tuning.dimensions)))
-    with _evaluator(tuning, workers) as evaluate:
+    with evaluator(tuning, workers) as evaluate:
         search = batches(tuning.tuner, tuning.dimensions, tuning.budget, rng, tuning.repair)
         batch = next(search)
         while True:
@@ -260,8 +244,14 @@ def run_tuning(
                 return TuningRecord(tuning.dimensions, ended.value.values, tuple(evaluations), ended.value.best_index)
 
 
-def checks_of(tuning: Tuning, record: TuningRecord) -> list[Check]:
-    """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator."""
+def checks_of(tuning: Tuning, record: TuningRecord, workers: int | None = 0) -> list[Check]:
+    """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator.
+
+    Args:
+        tuning: what was searched.
+        record: what it found.
+        workers: processes, as of ``engines.run``.
+    """
     checks = []
     fresh, fresh_in = (
         tuple(replace(c, first_episode=c.indices.stop) for c in cells) for cells in (tuning.cells, tuning.verified_in)
@@ -269,82 +259,8 @@ def checks_of(tuning: Tuning, record: TuningRecord) -> list[Check]:
     asked = (("searched", tuning.cells), ("verified", tuning.verified_in), ("fresh", fresh), ("fresh", fresh_in))
     for kind, cells in asked:
         if cells:
-            part = _Part(replace(tuning, cells=cells), 0, record.values[record.best_index][None, :])
+            again = replace(tuning, cells=cells)
             where = cells[0].names.simulator, cells[0].first_episode, cells[0].episodes
-            checks.append(Check(kind, *where, *_evaluate_part(part)[0]))
+            with evaluator(again, workers) as evaluate:
+                checks.append(Check(kind, *where, *evaluate(0, record.values[record.best_index][None, :])[0]))
     return checks
-
-
-class _Part(NamedTuple):
-    """Some evaluations of one generation."""
-
-    tuning: Tuning
-    first_index: int
-    values: FloatArray
-
-
-@contextmanager
-def _evaluator(tuning: Tuning, workers: int | None) -> Iterator[Callable[[int, FloatArray], list[Evaluation]]]:
-    """Give a function that evaluates a generation, here or in worker processes."""
-    if workers == 1:
-        with _runners(tuning) as runners:
-            yield lambda first, values: _evaluate(tuning, runners, values)
-        return
-
-    def evaluate(first: int, values: FloatArray) -> list[Evaluation]:
-        size = max(1, math.ceil(len(values) / 4))
-        parts = [_Part(tuning, first + i, values[i : i + size]) for i in range(0, len(values), size)]
-        done = dict(run(EVALUATIONS, parts, workers=workers))
-        return [evaluation for i in range(len(parts)) for evaluation in done[i]]
-
-    yield evaluate
-
-
-@contextmanager
-def _runners(tuning: Tuning) -> Iterator[list[EpisodeRunner]]:
-    with ExitStack() as stack:
-        yield [stack.enter_context(cell.runner()) for cell in tuning.cells]
-
-
-def _evaluate_part(part: _Part) -> list[Evaluation]:
-    with _runners(part.tuning) as runners:
-        return _evaluate(part.tuning, runners, part.values)
-
-
-def _pieces(part: _Part) -> list[_Part]:
-    return [_Part(part.tuning, part.first_index + k, part.values[k : k + 1]) for k in range(len(part.values))]
-
-
-def _lost(part: _Part) -> list[Evaluation]:
-    """Refuse an evaluation whose process died: there is nothing to compare it by."""
-    values = part.tuning.parameters(part.values[0].tolist())
-    raise DescriptionError(
-        f"tuner={part.tuning.tuner_name}: the process of evaluation {part.first_index} died: {values}"
-    )
-
-
-def _join(parts: Sequence[list[Evaluation]]) -> list[Evaluation]:
-    return [evaluation for part in parts for evaluation in part]
-
-
-EVALUATIONS: Work[_Part, list[Evaluation]] = Work(_evaluate_part, _pieces, _lost, _join)
-
-
-def _evaluate(tuning: Tuning, runners: Sequence[EpisodeRunner], values: FloatArray) -> list[Evaluation]:
-    """Evaluate some points, all over the same episodes, so that their costs differ by their parameters alone."""
-    evaluations = []
-    for point in values.tolist():
-        parameters = tuning.parameters(point)
-        costs: list[float] = []
-        reached = robots = 0
-        for cell, runner in zip(tuning.cells, runners, strict=True):
-            runner.make_controller = cell.with_parameters(parameters).make_controller
-            runner.seed = tuning.seed
-            for episode in cell.indices:
-                for record in runner.run(episode):
-                    robots += 1
-                    reached += record.outcome == "reached"
-                    if record.outcome not in NOT_DRIVEN:  # in which the parameters had no part
-                        costs.append(tuning.objective.cost(record))
-        evaluations.append(Evaluation(math.fsum(costs) / len(costs) if costs else math.inf, reached, robots))
-    return evaluations

@@ -1,0 +1,48 @@
+"""What keeps a controller's episode apart from its process: a folder, global generators, forks, Ctrl-C, its time."""
+
+import os
+import random
+import signal
+
+import numpy as np
+
+from navbench.episode.timeout import Timeout
+from navbench.mathematics.streams import stream
+
+
+class Isolation:
+    """Puts back what a user's code may have changed, and ends a process in which nothing should go on.
+
+    Args:
+        step_s: as of ``Timeout``.
+
+    Attributes:
+        timeout: ends this process when a step or an episode takes too long.
+    """
+
+    def __init__(self, step_s: float | None) -> None:
+        self.timeout = Timeout(step_s)
+        self._process, self._folder = os.getpid(), os.getcwd()
+
+    def begin(self, name: tuple[int, str, int, int]) -> None:
+        """Begin a robot's episode where this was made, with Python's and numpy's global generators seeded.
+
+        Args:
+            name: seed, world, episode and robot index of the controller's streams.
+        """
+        os.chdir(self._folder)
+        seed, world, episode, index = name
+        words = stream(seed, world, episode, "global", index).integers(2**32, size=4).tolist()
+        random.seed(repr(words))
+        np.random.seed(words)  # noqa: NPY002
+
+    def check(self) -> None:
+        """End this process if it is a fork of a controller's, which would go on with the episode a second time."""
+        if os.getpid() != self._process:
+            os._exit(0)
+
+
+def let_interrupt(error: BaseException) -> None:
+    """Raise what a user's code raised again if it may be Ctrl-C, which a worker does not answer."""
+    if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        raise error

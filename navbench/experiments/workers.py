@@ -1,0 +1,244 @@
+"""Worker processes: each does one batch after another, and what ends it is known outside.
+
+On Linux a worker is forked from a server that has imported what it needs, within milliseconds; elsewhere it is spawned.
+It leads a process group of its own, so that Ctrl-C does not reach it and whatever it starts ends with it.
+"""
+
+import faulthandler
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing import connection, current_process, get_context, parent_process
+from multiprocessing.connection import Connection
+from traceback import format_exc
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from navbench.episode.timeout import EXPIRED, stop_timers
+from navbench.raised import one_line
+from navbench.validation import DescriptionError
+
+NAME = "navbench worker"
+FORKS = sys.platform == "linux"
+GROUPS = hasattr(os, "setsid")
+WATCH_S = 0.5  # between two looks at a worker
+END_S = 5.0  # that a process may take to end that has been told to
+MEMORY_SHARE = 0.8  # of the machine's memory is what one worker may take
+PRELOADED = ("navbench.experiments.running", "navbench.experiments.warm")
+FROM_OUTSIDE = {-getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
+
+_STARTING = threading.Lock()
+
+
+class Death(NamedTuple):
+    """How a worker ended before its batch was done.
+
+    Attributes:
+        reason: one line.
+        traceback: where its code was then, as far as that is known.
+        by_machine: whether it was killed from outside, as when memory runs out: no fault of what it did.
+    """
+
+    reason: str
+    traceback: str = ""
+    by_machine: bool = False
+
+
+class MachineError(DescriptionError):
+    """What was to be done was killed from outside each time that it was tried; nothing is wrong with it."""
+
+    def __init__(self, death: Death, what: str = "") -> None:
+        super().__init__(f"machine_error: {what}{death.reason}")
+
+
+class Worker:
+    """A worker process, begun where this process is and with what it imports from."""
+
+    def __init__(self) -> None:
+        context = _context()
+        self.place = place()
+        self._end, theirs = context.Pipe()
+        self._said, says = context.Pipe(duplex=False)
+        self._process = context.Process(target=_work, args=(theirs, says), name=NAME)
+        with _STARTING, _without_main():
+            start_server()
+            self._process.start()
+        theirs.close()
+        says.close()
+        self._pid = int(self._process.pid or 0)
+        self._watched_s = time.monotonic()
+        self._killed: Death | None = None
+
+    def do(self, function: Callable[[Any], Any], argument: Any) -> Any:
+        """Return what a function makes of an argument, or the ``Death`` that the process died of it.
+
+        Raises:
+            Exception: whatever the function raises.
+        """
+        import cloudpickle
+
+        message = cloudpickle.dumps((function, argument))
+        try:
+            self._watch()
+            self._end.send_bytes(message)
+            while not connection.wait([self._end, self._process.sentinel], WATCH_S):
+                self._watch()
+            answer = self._end.recv_bytes()
+        except (EOFError, OSError):
+            return self._death()
+        result, raised = cloudpickle.loads(answer)
+        if raised is not None:
+            raise raised
+        return result
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can do more."""
+        return bool(self._process.is_alive())
+
+    def kill(self) -> None:
+        """End it at once, and all that it has started."""
+        if GROUPS:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._pid, signal.SIGKILL)
+        self._process.kill()
+        self._process.join(END_S)
+
+    def _watch(self) -> None:
+        """End it where it takes too much memory, or was stopped."""
+        if time.monotonic() - self._watched_s < WATCH_S:
+            return
+        from psutil import STATUS_STOPPED, Error, Process, virtual_memory
+
+        self._watched_s = time.monotonic()
+        with suppress(Error):  # it has ended meanwhile
+            seen, most = Process(self._pid), MEMORY_SHARE * virtual_memory().total
+            if seen.memory_info().rss > most:
+                self._killed = Death(f"its process took more than {most / 1e9:.3g} GB of memory")
+            elif seen.status() == STATUS_STOPPED:
+                self._killed = Death("its process was stopped", by_machine=True)
+        if self._killed:
+            self.kill()
+
+    def _death(self) -> Death:
+        self._process.join(END_S)
+        code = self._process.exitcode
+        self.kill()  # what it left behind
+        if self._killed:
+            return self._killed
+        said = b""
+        with suppress(OSError):
+            while self._said.poll() and (more := os.read(self._said.fileno(), 65536)):
+                said += more
+        trace = said.decode(errors="replace")
+        if code is None or code >= 0:
+            return Death(f"its process ended with exit code {code}", trace)
+        if -code in EXPIRED:
+            return Death(EXPIRED[-code], trace)
+        return Death(f"its process died of {signal.Signals(-code).name}", trace, code in FROM_OUTSIDE)
+
+
+def _context() -> Any:
+    return get_context("forkserver" if FORKS else "spawn")
+
+
+def place() -> tuple[str, ...]:
+    """Return where workers that are begun now work, and what they import from."""
+    return (os.getcwd(), *sys.path)
+
+
+def in_worker() -> bool:
+    """Return whether this process is a worker."""
+    return current_process().name == NAME
+
+
+def start_server(modules: Sequence[str] = PRELOADED) -> None:
+    """Start what workers are forked from, and return at once; where it runs, do nothing.
+
+    Call it in another thread than the main one, which Ctrl-C does not interrupt.
+
+    Args:
+        modules: what it imports.
+    """
+    if not FORKS:
+        return
+    from multiprocessing import forkserver, resource_tracker
+
+    forkserver.set_forkserver_preload(list(modules))
+    resource_tracker.ensure_running()  # which would let Ctrl-C through again
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread, for good
+    forkserver.ensure_running()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Hide the main module: a worker would import it, and a script without a guard would begin again there."""
+    main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _work(batches: Connection, says: Connection) -> None:
+    """Do one batch after another, until the driver ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if GROUPS:
+        os.setsid()
+        faulthandler.enable(says.fileno(), all_threads=False)
+        for number in EXPIRED:
+            faulthandler.register(number, says.fileno(), all_threads=False, chain=True)
+    threading.Thread(target=_end_with_driver, daemon=True).start()
+    folder, process = os.getcwd(), os.getpid()
+    with suppress(EOFError, OSError):
+        while True:
+            message = batches.recv_bytes()
+            os.chdir(folder)
+            answer = _answer(message)
+            stop_timers()
+            print(end="", flush=True)
+            if os.getpid() != process:  # a fork of the controller's, which is nobody's worker
+                break
+            batches.send_bytes(answer)
+    os._exit(0)
+
+
+def _answer(message: bytes) -> bytes:
+    """Return what a batch comes to, pickled: what its function returned, and what it raised."""
+    import cloudpickle
+
+    try:
+        function, argument = cloudpickle.loads(message)
+        answer: bytes = cloudpickle.dumps((function(argument), None))
+    except Exception as error:
+        error.add_note(format_exc())
+        answer = _raised(error)
+    except BaseException as error:  # of a user's code that means to end the process
+        answer = cloudpickle.dumps((Death(one_line(error), format_exc()), None))
+    return answer
+
+
+def _raised(error: Exception) -> bytes:
+    """Return an exception pickled, or where it cannot be, one that says the same."""
+    import cloudpickle
+
+    try:
+        answer: bytes = cloudpickle.dumps((None, error))
+        cloudpickle.loads(answer)
+    except Exception:
+        answer = cloudpickle.dumps((None, RuntimeError(one_line(error))))
+    return answer
+
+
+def _end_with_driver() -> None:
+    """End with the driver, and all that was started here: nobody would read what it says."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    if GROUPS:
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)

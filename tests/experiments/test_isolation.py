@@ -1,0 +1,198 @@
+"""Isolation: whatever a controller does costs its own episodes, with a reason, and the rest is as if it were not."""
+
+import random
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from commands import Command
+
+from navbench.cli.configuration import compose_cell
+from navbench.cli.study_configuration import compose_tuning
+from navbench.experiments.plan import Plan
+from navbench.experiments.running import Ran, run_plan
+
+CODE = """
+import asyncio, math, os, random, signal, subprocess, time
+import numpy as np
+from navbench.metrics import metric
+
+
+class Mute(Exception):
+    def __str__(self):
+        raise ValueError
+
+
+def fail(how):
+    if how == "sys.exit": raise SystemExit(0)
+    if how == "KeyboardInterrupt": raise KeyboardInterrupt
+    if how == "GeneratorExit": raise GeneratorExit
+    if how == "CancelledError": raise asyncio.CancelledError
+    if how == "mute": raise Mute
+    if how == "surrogate": raise ValueError("half a \\udc80")
+    if how == "os._exit": os._exit(0)
+    if how == "abort": os.abort()
+    if how == "killed": os.kill(os.getpid(), signal.SIGKILL)
+    if how == "spins in C": math.factorial(10**8)
+    if how == "forks": os.fork()
+
+
+@metric("noted", "", "", "how often it was looked at")
+def noted(run):
+    with open("noted", "a") as file: file.write("once\\n")
+    return 1
+
+
+class Mine:
+    def __init__(self, how, where="act", gain=0.0):
+        self.how, self.where, self.gain = how, where, gain
+
+    def reset(self, setup, rng):
+        self.doomed = rng.random() < 0.014
+        if self.where == "large gain" and self.gain > 0.5: fail(self.how)
+        if self.doomed and self.where == "reset": fail(self.how)
+        if self.how == "chdir, opens": open("beside.txt").close(), os.chdir("/")
+
+    def act(self, o):
+        if self.doomed and self.where == "act": fail(self.how)
+        if self.how == "writes": o.ranges_m[0] = 0.0
+        if self.how == "forks": fail("forks")
+        return 0.1 + 0.1 * self.gain, 0.0
+
+    @property
+    def trace(self):
+        return {"drawn": random.random() + np.random.random()} if self.how == "draws" else {}
+"""
+WORDS = ("controller=mine", "world=empty", "world.time_limit_s=0.1", "episodes=4", "simulator=planar")
+DOOMED = {2}  # what the stream of seed 0 says
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder with a controller that misbehaves."""
+    (tmp_path / "misbehaving.py").write_text(CODE)
+    (tmp_path / "conf/controller").mkdir(parents=True)
+    yaml = "# Misbehaves\nbuild: {_target_: misbehaving.Mine, how: nothing, where: act, gain: 0.2}\n"
+    yaml += "tunable: {gain: {low: 0.1, high: 1.0, scale: linear}}\n"
+    (tmp_path / "conf/controller/mine.yaml").write_text(yaml)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run_it(own: Path, how: str, *words: str, workers: int | None = 1, where: str = "act") -> Ran:
+    given = (*WORDS, f"controller.build.how='{how}'", f"controller.build.where={where}", *words)
+    cell = compose_cell(*given, config_dir=own / "conf")
+    return run_plan(Plan(cells=(cell,)), own / "results", workers)
+
+
+def doomed_rows(ran: Ran) -> pd.DataFrame:
+    """Return the rows of the episodes that failed, after a look at the others."""
+    assert (ran.finished, ran.planned, ran.reasons) == (4, 4, ())
+    rows = ran.results.episodes().set_index("episode")
+    assert list(rows.index) == list(range(4))
+    failed = rows[rows["outcome"] == "controller_error"]
+    assert set(failed.index) == DOOMED
+    assert set(rows["outcome"].drop(list(DOOMED))) == {"timed_out"}
+    assert set(rows["reason"].drop(list(DOOMED))) == {""}
+    return failed
+
+
+PLACE = " (misbehaving.py, line "
+
+
+@pytest.mark.parametrize("where", ["act", "reset"])
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ("sys.exit", "SystemExit: 0" + PLACE),
+        ("KeyboardInterrupt", "KeyboardInterrupt:" + PLACE),
+        ("GeneratorExit", "GeneratorExit:" + PLACE),
+        ("CancelledError", "CancelledError:" + PLACE),
+        ("mute", "Mute: says nothing: its __str__ raises ValueError" + PLACE),
+        ("surrogate", r"ValueError: half a \udc80" + PLACE),
+    ],
+)
+def test_whatever_a_controller_raises_costs_its_episode(own: Path, how: str, where: str, reason: str) -> None:
+    failed = doomed_rows(run_it(own, how, where=where))
+    assert all(said.startswith(reason) for said in failed["reason"]), list(failed["reason"])
+    assert all('misbehaving.py", line' in said for said in failed["traceback"])
+
+
+@pytest.mark.parametrize(
+    ("how", "timeout_s", "reason"),
+    [
+        ("os._exit", 60.0, "its process ended with exit code 0"),
+        ("abort", 60.0, "its process died of SIGABRT"),
+        ("spins in C", 0.5, "a step took more CPU time than controller_timeout_s allows"),
+    ],
+)
+def test_whatever_ends_or_holds_a_process_costs_its_episode(own: Path, how: str, timeout_s: float, reason: str) -> None:
+    failed = doomed_rows(run_it(own, how, f"controller_timeout_s={timeout_s}"))
+    assert set(failed["reason"]) == {reason}
+    assert how == "os._exit" or all("in fail" in said for said in failed["traceback"])
+
+
+def test_what_was_killed_from_outside_is_no_row_and_is_run_later(own: Path, command: Command) -> None:
+    words = [*WORDS, "--config-dir", str(own / "conf"), "hydra.run.dir=results"]
+    done = command(*words, "controller.build.how=killed")
+    assert done.code == 3
+    assert done.err == "navbench: machine_error: its process died of SIGKILL; nothing is kept\n"
+    assert not (own / "results").exists()
+
+
+def test_a_batch_that_was_killed_is_missing_and_the_others_are_kept(own: Path) -> None:
+    ran = run_it(own, "killed", "episodes=10")  # of which the second batch has none that is killed
+    assert (ran.finished, ran.planned) == (5, 10)
+    assert ran.reasons == ("mine in empty: machine_error: its process died of SIGKILL",)
+    assert list(ran.results.episodes()["episode"]) == list(range(5, 10))
+
+
+def test_every_episode_begins_in_the_users_folder(own: Path) -> None:
+    (own / "beside.txt").touch()
+    rows = run_it(own, "chdir, opens").results.episodes()
+    assert set(rows["outcome"]) == {"timed_out"}
+
+
+def test_the_global_generators_are_seeded_for_each_episode_apart_from_the_controllers_stream(own: Path) -> None:
+    drawn = []
+    for workers in (1, 0):  # here they have been used before
+        random.random()
+        ran = run_it(own, "draws", "episodes=6", f"hydra.run.dir=here{workers}", workers=workers)
+        drawn.append(ran.results.trajectories()["drawn"].dropna().tolist())
+    assert drawn[0] == drawn[1]
+    assert len(set(drawn[0])) == len(drawn[0])
+
+
+def test_an_observation_cannot_be_written_to_and_leads_to_no_other(own: Path) -> None:
+    (reason,) = set(run_it(own, "writes").results.episodes()["reason"])
+    assert reason.startswith("ValueError: assignment destination is read-only" + PLACE)
+
+
+def test_a_fork_does_not_go_on_with_the_episode(own: Path) -> None:
+    ran = run_it(own, "forks", "metrics=[misbehaving.noted]", where="every act")
+    assert set(ran.results.episodes()["outcome"]) == {"timed_out"}
+    assert len((own / "noted").read_text().splitlines()) == 4  # once an episode
+
+
+TUNED = (
+    *("controller=mine", "world=empty", "world.time_limit_s=0.1", "episodes=2", "start_jitter_m=0.01"),
+    *("tuner=random", "budget=10", "objective=weighted", "verify=null", "controller.build.where=large gain"),
+)
+
+
+def evaluations(own: Path, how: str, folder: str, workers: int, *seeds: int) -> list[pd.DataFrame]:
+    """Return what tunings found, of which some candidates misbehave."""
+    words = (*TUNED, f"controller.build.how='{how}'")
+    tunings = [compose_tuning([*words, f"seed={seed}"], str(own / "conf"))[0] for seed in seeds]
+    cell = compose_cell(*WORDS, config_dir=own / "conf")
+    ran = run_plan(Plan(cells=(cell,), tunings=tuple(tunings)), own / folder, workers)
+    return [ran.results.evaluations_of(tuning.key()).drop(columns="tuning_id") for tuning in tunings]
+
+
+def test_a_tuning_charges_a_candidate_that_ends_its_process_as_one_that_raises(own: Path) -> None:
+    raised, ended = evaluations(own, "sys.exit", "raised", 1, 0), evaluations(own, "os._exit", "ended", 1, 0)
+    pd.testing.assert_frame_equal(raised[0], ended[0], rtol=0.0, atol=0.0)
+    assert len(set(ended[0]["cost"])) > 2
+    beside = evaluations(own, "os._exit", "beside", 2, 0, 1)
+    pd.testing.assert_frame_equal(raised[0], beside[0], rtol=0.0, atol=0.0)
