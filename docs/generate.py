@@ -19,6 +19,7 @@ from navbench.sources import KINDS
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
@@ -55,8 +56,10 @@ def on_files(files: "Files", config: "MkDocsConfig") -> None:
             files.append(File.generated(config, f"studies/{place}", abs_src_path=str(file)))
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Let links to results lead to their pages here, and take away those to files that only a clone has."""
+def on_page_markdown(markdown: str, page: "Page", **_: Any) -> str:
+    """Let a written page's links to results lead to their pages here; those to files that only a clone has go."""
+    if "/" in page.file.src_uri:
+        return markdown
     return re.sub(r"\[([^]]+)\]\(\.\./[^)]*\)", r"\1", re.sub(r"\]\(\.\./results/", "](studies/", markdown))
 
 
@@ -121,12 +124,14 @@ FORMULAS = r"""## Formulas
 A robot follows exact arcs: in substep $j$ of length $h_j$ it drives at speed $v_j$ and turning rate $\omega_j$. Control
 period $k$ has the length $\Delta_k$ and begins with the heading error $e_k$, in $(-\pi, \pi]$.
 
-$$\text{path\_length\_m} = \sum_j |v_j|\, h_j, \qquad \text{total\_turning\_rad} = \sum_j |\omega_j|\, h_j$$
+The length of the path, the total turning, the squared heading error and the mean speed up to the end $T$ are
 
-$$\text{heading\_ise} = \sum_k e_k^2\, \Delta_k, \qquad
-\text{mean\_speed\_mps} = \frac{\text{path\_length\_m}}{\text{time\_s}}$$
+$$L = \sum_j |v_j|\, h_j, \qquad \Theta = \sum_j |\omega_j|\, h_j, \qquad
+E = \sum_k e_k^2\, \Delta_k, \qquad \bar v = \frac{L}{T}$$
 
-$$\text{min\_clearance\_m} = \min_j \Big( \min_{o} d(p_j, o) - r \Big)$$
+and the least clearance is
+
+$$c = \min_j \left( \min_{o} d(p_j, o) - r \right)$$
 
 with the robot's centre $p_j$ at the end of substep $j$, its radius $r$, and the distance $d$ to the shape $o$ of
 whatever stands or moves in the world, other robots too."""
@@ -171,6 +176,7 @@ def _controller(name: str, title: str, composer: Composer) -> str:
     drawn = (ROOT / f"docs/media/controllers/{name}.png").is_file()
     file = f"`{target}`, configured in `conf/controller/{name}.yaml`."
     return _joined(
+        "---\nhide: [toc]\n---",
         f"# {name}",
         f"{title}.",
         file,

@@ -12,7 +12,7 @@ NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 CONTROLLERS = (
     "sflc pid mixed oa_to oa_to_ga oa_to_printed multi_agent dual_layer dual_layer_symmetric go_to_goal".split()
 )
-COLORS, WIDTHS = 48, (900, 750, 600)  # of a picture: the first width in which it is small enough
+COLORS, WIDTHS = 128, (900, 750, 600)  # of a picture: the first width in which it is small enough
 LARGEST = 150_000  # bytes
 
 
@@ -20,7 +20,7 @@ def make() -> None:
     """Run what is shown, draw it, and keep the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "movers"
-        words = ["controller=sflc", "world=random_movers", "episodes=20", "simulator=planar"]
+        words = ["controller=oa_to", "world=random_movers", "episodes=20", "simulator=planar"]
         _navbench(*words, f"hydra.run.dir={run}")
         _draw("failure", str(run))
     for name in CONTROLLERS:
@@ -35,7 +35,7 @@ def _draw(name: str, *words: str) -> None:
         picture = opened.convert("RGB")
     for width in WIDTHS:
         scaled = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
-        scaled.quantize(COLORS, dither=Image.Dither.NONE).save(file, optimize=True)
+        scaled.quantize(COLORS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(file, optimize=True)
         if file.stat().st_size <= LARGEST:
             break
 
