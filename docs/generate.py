@@ -29,17 +29,17 @@ LONGEST = 80  # of a value in a table of parameters
 
 def on_config(config: "MkDocsConfig") -> None:
     """Put the pages that are made below the ones that name them."""
-    made: dict[str, list[str]] = {"controllers/index.md": [], "studies/README.md": []}
+    made: dict[str, list[dict[str, str]]] = {"controllers/index.md": [], "studies/README.md": []}
     for page in pages():
         index = next((name for name in made if page.startswith(name.split("/")[0]) and page != name), None)
         if index:
-            made[index].append(page)
+            made[index].append({page.removesuffix("/report.md").removesuffix(".md").split("/")[1]: page})
     for section in config.nav or []:
         for title, entries in section.items() if isinstance(section, dict) else ():
             section[title] = [_with_pages(entry, made) for entry in entries]
 
 
-def _with_pages(entry: Any, made: Mapping[str, Sequence[str]]) -> Any:
+def _with_pages(entry: Any, made: Mapping[str, Sequence[Mapping[str, str]]]) -> Any:
     titles = {"controllers/index.md": "Controllers", "studies/README.md": "Studies"}
     return {titles[entry]: [entry, *made[entry]]} if entry in titles else entry
 
@@ -172,15 +172,16 @@ def _controller(name: str, title: str, composer: Composer) -> str:
     target = values["build"]["_target_"]
     spec = find_spec(target.rpartition(".")[0])
     doc = ast.get_docstring(ast.parse(Path(spec.origin).read_text())) if spec and spec.origin else ""
-    picture = f"![What navbench show controller={name} draws](../media/controllers/{name}.png)"
-    drawn = (ROOT / f"docs/media/controllers/{name}.png").is_file()
+    place = f"media/controllers/{name}.png"
+    picture = f"![What navbench show controller={name} draws](../{place})"
+    drawn = picture if (ROOT / "docs" / place).is_file() else f"`navbench show controller={name}` draws it."
     file = f"`{target}`, configured in `conf/controller/{name}.yaml`."
     return _joined(
         "---\nhide: [toc]\n---",
         f"# {name}",
         f"{title}.",
         file,
-        *([picture] if drawn else []),
+        drawn,
         "## What it is",
         doc or "",
         "## Parameters and their sources",
@@ -202,6 +203,7 @@ def _parameters(controller: Mapping[str, Any]) -> Iterator[str]:
 
 def _shown(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False).replace('"', "")
+    text = re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", text)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 

@@ -45,7 +45,10 @@ def run(command: Command, folder: Path, line: str) -> Done:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_command_of_a_page_works(page: Path, command: Command, tmp_path: Path) -> None:
+def test_every_command_of_a_page_works(
+    page: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # processes would take longer to begin than to run what is shown
     write_files(page, tmp_path)
     for block in blocks_of(page):
         for line in [] if block.mark else block.commands:
