@@ -18,7 +18,7 @@ slow: $(STAMP) ## the commands of the pages that take minutes to hours
 	$(BIN)/python -m pytest -m slow
 
 docs: $(BIN)/mkdocs ## the pages as a site in build/site, which opens from the disk
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo 'open build/site/index.html'
 
 docs-media: $(STAMP) ## make the pictures of the pages again, from real runs

@@ -35,8 +35,9 @@ def on_config(config: "MkDocsConfig") -> None:
         if index:
             made[index].append({page.removesuffix("/report.md").removesuffix(".md").split("/")[1]: page})
     for section in config.nav or []:
-        for title, entries in section.items() if isinstance(section, dict) else ():
-            section[title] = [_with_pages(entry, made) for entry in entries]
+        for title, entries in section.items():
+            if isinstance(entries, list):
+                section[title] = [_with_pages(entry, made) for entry in entries]
 
 
 def _with_pages(entry: Any, made: Mapping[str, Sequence[Mapping[str, str]]]) -> Any:
