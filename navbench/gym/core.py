@@ -9,8 +9,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from navbench.cli.configuration import compose_cell
-from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
+from navbench.cli.composing import key_of
+from navbench.cli.interface import cells_of, one_line_errors
 from navbench.episode.stepping import GOAL_X, GOAL_Y, HEADING, Outside, Stepper, V, W, X, Y
 from navbench.experiments.cells import Cell
 from navbench.gym.reward import Period, Reward
@@ -46,21 +46,17 @@ def cell_of_words(words: Sequence[str], choices: dict[str, Any], config_dir: str
 
     Args:
         words: such as "world=deadlock".
-        choices: further words as keys and values; None says nothing.
+        choices: further ones as keys and values, see ``navbench.cli.given``; None says nothing.
         config_dir: a folder with further worlds, robots and sensors.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
     """
-    given = [*words, *(f"{key}={value}" for key, value in choices.items() if value is not None)]
-    keys = {word.partition("=")[0] for word in given}
-    first = [
-        f"{key}={name}" for key, name in (("controller", "go_to_goal"), ("simulator", "planar")) if key not in keys
-    ]
-    try:
-        cell = compose_cell(*first, *given, config_dir=config_dir)
-    except (*CONFIGURATION_ERRORS, ValueError) as error:
-        raise DescriptionError(one_line(error)) from None
+    keys = {*map(key_of, words), *(key for key, value in choices.items() if value is not None)}
+    first = {"controller": "go_to_goal", "simulator": "planar"}
+    added = [f"{key}={name}" for key, name in first.items() if key not in keys]
+    with one_line_errors():
+        (cell,) = cells_of([*added, *words], choices, config_dir).cells
     if not cell.simulator.is_compiled:
         raise DescriptionError(f"simulator={cell.names.simulator}: environments need a compiled one, such as planar")
     if cell.sensors.tracker is not None:
