@@ -94,7 +94,7 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
     if not path.is_dir():
         raise DescriptionError(f"show {path}: there is no such directory")
     cell = {key: given[key] for key in CELL if key in given}
-    return picture_of(StoredResults(Results(path)), cell, _number("episode", given), _number("robot", given))
+    return picture_of(StoredResults(Results(path)), cell, number("episode", given), number("robot", given))
 
 
 def picture_of(stored: "StoredResults", wanted: Mapping[str, str], episode: int | None, robot: int | None) -> Shown:
@@ -115,16 +115,21 @@ def picture_of(stored: "StoredResults", wanted: Mapping[str, str], episode: int 
     called = f"{cell['label']} in {cell['world']}"
     rows = stored.rows[stored.rows["run_id"] == cell["run_id"]]
     episode, note = episode_of(rows, episode)
-    robots = int(rows["robot_index"].max()) + 1
-    if robot is not None and robot not in range(robots):
-        raise DescriptionError(f"robot={robot}: there is no such robot; robots {_spans(range(robots))}")
-    figure = draw_episode(stored, str(cell["run_id"]), episode, robot, note)
+    figure = draw_episode(stored, str(cell["run_id"]), episode, robot_of(rows, robot), note)
     one = "" if robot is None else f" robot {robot}"
     said = f"{called}, episode {episode}{one and ','}{one}" + (f": {note}" if note else "")
     return Shown(figure, f"{called.replace(' in ', ' ')} episode {episode}{one}", said)
 
 
-def _number(key: str, given: Mapping[str, str]) -> int | None:
+def robot_of(rows: "pd.DataFrame", robot: int | None) -> int | None:
+    """Return a robot's index, or None, where it is one of the robots of a cell; raises ``DescriptionError``."""
+    robots = int(rows["robot_index"].max()) + 1
+    if robot is not None and robot not in range(robots):
+        raise DescriptionError(f"robot={robot}: there is no such robot; robots {_spans(range(robots))}")
+    return robot
+
+
+def number(key: str, given: Mapping[str, str]) -> int | None:
     """Return a whole number from 0 among the words, or None where it does not stand there."""
     if key not in given:
         return None
@@ -138,7 +143,7 @@ def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mappi
     cells = {cell["run_id"]: cell for cell in reversed(stored.manifest["cells"])}
     found: list[dict[str, Any]] = list(reversed(cells.values()))
     for key, value in wanted.items():
-        if key not in CELL:
+        if key not in (*CELL, "controller"):
             raise DescriptionError(f"{key}={value}: unknown key; {instead(key, CELL)}")
         left = [cell for cell in found if (cell[key].startswith(value) if key == "run_id" else cell[key] == value)]
         if not left:
