@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
-from navbench.contract import AnyRing, Controller
+from navbench.contract import Controller
 from navbench.importing import import_named
 from navbench.raised import one_line, own_line
 from navbench.records import Names
@@ -52,7 +52,7 @@ def controller_maker(
             f"{'the range sensors ' + ', '.join(needed) + ', in this order' if needed else 'no range sensors'}; "
             f"this suite has {_few(offered)}"
         )
-    if kind is not None and not isinstance(kind, AnyRing):
+    if kind is not None and not hasattr(kind, "lack"):
         raise DescriptionError(f"controller.build._target_={build['_target_']}: its sensor_kind must be an AnyRing")
     lack = kind.lack(sensors.range_sensors()) if kind is not None else ""
     if lack:

@@ -77,6 +77,8 @@ def cell_of(run: Composed, makers: Mapping[str, Callable[..., Controller]] = NON
     options = describe(simulator.Options, without(groups["simulator"], "_target_"), "simulator")
     groups["simulator"] = without(groups["simulator"], "gui")  # a window changes nothing that is measured
     make_controller = controller_maker(controller.get("build"), sensors, names, makers.get(names.controller))
+    if hasattr(make_controller.func, "digest"):  # of what it reads from a file
+        groups["controller"]["digest"] = str(make_controller().digest)  # type: ignore[attr-defined]
     world.check_fits(robot.radius_m)
     _check_steps(world, robot, native)
     if options.gui and not simulator.has_window:

@@ -33,6 +33,7 @@ AnyWorld: TypeAlias = Values | World
 AnyRobot: TypeAlias = Values | Robot
 AnySensors: TypeAlias = Values | Sensors
 
+FILES = (".yaml", ".yml", ".onnx")
 NAME = re.compile(r"[A-Za-z]\w*")
 OBJECTS = {  # what may be given beside a name, a file and values
     "controller": "an object or a class with reset(setup, rng) and act(observation), or what makes one",
@@ -94,7 +95,7 @@ def given_words(
 
 def _word(key: str, value: Any, things: list[Thing]) -> str:
     """Return a value as it stands in a word, and note what it stands for where it is no name."""
-    if isinstance(value, str) and not (key in GROUPS and value.endswith((".yaml", ".yml"))):
+    if isinstance(value, str) and not (key in GROUPS and value.endswith(FILES)):
         return value
     if key not in GROUPS:
         return json.dumps(_plain(key, value))
@@ -123,6 +124,8 @@ def _thing(group: str, value: Any) -> Thing:
 def _of_file(group: str, file: Path) -> Thing:
     if not file.is_file():
         raise DescriptionError(f"{group}={file}: there is no such file")
+    if group == "controller" and file.suffix == ".onnx":
+        return Thing(group, file.stem, {"defaults": ["policy", "_self_"], "build": {"path": str(file)}})
     check_file(file)
     values = OmegaConf.to_container(OmegaConf.load(file))
     if not isinstance(values, Mapping):

@@ -74,7 +74,7 @@ def run(
         words: of the command line, such as "simulator.drive=limited", "sensors.noise_std_m=0.01".
         controller: also an object with ``reset`` and ``act``, of which each robot of each episode has a copy; or what
             makes one: a class, a function, or a ``functools.partial`` with the parameters; alone, or as a mapping's
-            ``build``.
+            ``build``. A file that ends in .onnx is a trained network, see ``conf/controller/policy.yaml``.
         world: where it drives.
         robot: what it drives; None for the robot that the world was drawn for.
         sensors: what it may know; None for what the controller needs.
