@@ -121,7 +121,7 @@ def test_what_is_no_network_is_refused_in_one_line(command: Command, tmp_path: P
     for path, says in (
         ("nope.onnx", "controller.build.path=nope.onnx: No such file or directory"),
         ("mine.onnx", "controller.build.path=mine.onnx: is no network that onnxruntime reads"),
-        (".", "controller.build.path=.: .: must be a file, and no directory"),
+        (".", "controller.build: .: must be a file, and no directory"),
     ):
         done = command("controller=policy", f"controller.build.path={path}", "world=empty")
         assert done.code == 2
