@@ -72,7 +72,7 @@ class Result:
         return table_of(self._stored.results)
 
     def plot(self, episode: int | None = None, robot: int | None = None, **cell: str) -> "Figure":
-        """Return the picture of one episode that ``navbench show`` draws.
+        """Return the picture of one episode that ``navbench show`` draws; a notebook needs ``%matplotlib inline``.
 
         Args:
             episode: its index; None for the first in which a robot failed.
