@@ -1,5 +1,6 @@
 """One episode played again, in a window or as a video: robots, movers, rays, and the controller's own trace."""
 
+import math
 import os
 import sys
 import time
@@ -173,9 +174,8 @@ def frames_of(it: "Played", speed: float, most: float) -> tuple[list[float], flo
         speed: how many times as fast as it was driven.
         most: frames a second at most: where there are more control periods, some are left out.
     """
-    step = max(1, -int(-speed / it.period_s // most))
-    times_s = it.times_s.tolist()
-    return [*times_s[:-1:step], times_s[-1]], speed / it.period_s / step
+    step_s = it.period_s * max(1, math.ceil(speed / it.period_s / most - 1e-9))
+    return [*(k * step_s for k in range(math.ceil(it.end_s / step_s - 1e-9))), it.end_s], speed / step_s
 
 
 def write_video(it: "Played", robots: Sequence[int], rays: "Rays", speed: float, file: Path) -> None:
@@ -255,10 +255,10 @@ def _play_simulator(simulator: "Simulator", it: "Played", robots: Sequence[int],
     import numpy as np
 
     rays(0.0, it.poses(0.0))  # the first time takes longer, and the clock does not run yet
-    end_s, begin = float(it.times_s[-1]), time.monotonic()
+    begin = time.monotonic()
     with simulator:
-        while (t_s := (time.monotonic() - begin) * speed) < end_s + HOLD_S * speed:
-            at_s = float(it.times_s[max(int(np.searchsorted(it.times_s, t_s, "right")) - 1, 0)])
+        while (now_s := (time.monotonic() - begin) * speed) < it.end_s + HOLD_S * speed:
+            at_s = it.end_s if now_s >= it.end_s else now_s // it.period_s * it.period_s
             poses = it.poses(at_s)
             move_to(simulator, at_s, poses)
             simulator.place()

@@ -88,16 +88,16 @@ class Played(NamedTuple):
         world: what was driven in.
         radius_m: of each robot [m].
         robots: what each robot did.
-        times_s: (n,) when control periods began, and the end [s].
         period_s: the control period [s].
+        end_s: when the last robot ended [s].
     """
 
     title: str
     world: DrawnWorld
     radius_m: float
     robots: Sequence[Driven]
-    times_s: FloatArray
     period_s: float
+    end_s: float
 
     def poses(self, t_s: float) -> FloatArray:
         """Return (robots, 3) x, y [m] and heading [rad] at an instant."""
@@ -115,14 +115,14 @@ def played(stored: StoredResults, run_id: str, episode: int) -> Played:
     drives = [Drive(row, stored.trajectory(row), robot_color(row["robot_index"])) for row in rows]
     begins = [(start.x_m, start.y_m, world.start_heading_rad(i)) for i, start in enumerate(world.starts)]
     words = trace_words(stored, run_id)
-    times_s = np.unique(np.concatenate([[0.0], *(drive.path["t_s"].to_numpy() for drive in drives)]))
+    times_s = max((drive.path["t_s"].to_numpy(dtype=float) for drive in drives), key=len)
     return Played(
         title=f"{cell['label']} in {cell['world']}, episode {episode}, seed {cell['seed']}, {cell['simulator']}",
         world=world,
         radius_m=describe(Robot, cell["configuration"]["robot"], "robot").radius_m,
         robots=[Driven(drive, begin, words) for drive, begin in zip(drives, begins, strict=True)],
-        times_s=times_s,
-        period_s=float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0,
+        period_s=float(times_s[1] - times_s[0]) if len(times_s) > 2 else 1.0,
+        end_s=float(times_s.max(initial=0.0)),
     )
 
 

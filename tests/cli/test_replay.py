@@ -63,7 +63,7 @@ def test_rays_are_what_the_controller_saw_to_the_last_bit() -> None:
 
 def test_what_a_ray_hits_is_seen_where_another_robot_stands(fleet: Path) -> None:
     it, configuration = episode(navbench.load(fleet))
-    end_s = float(it.times_s[-1])
+    end_s = float(it.end_s)
     measured = rays_again(configuration, it)(end_s, it.poses(end_s))
     assert len(measured) == len(it.robots) == 3
     assert any((rays[:, 4] > 0.0).any() for rays in measured)
@@ -91,7 +91,7 @@ def test_frames_come_at_the_speed_that_is_asked_for(
     times_s, found = frames_of(it, speed, most)
     assert found == pytest.approx(a_second)
     assert times_s[1] == pytest.approx(0.05 * step)
-    assert times_s[-1] == it.times_s[-1]
+    assert times_s[-1] == it.end_s
 
 
 def test_a_gif_lasts_as_long_as_the_episode(single: Path, command: Command, tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_an_mp4_lasts_as_long_as_the_episode(fleet: Path, command: Command, tmp_
     assert done.code == 0
     _, lasts_s = count_frames_and_secs(tmp_path / "out.mp4")
     end_s = float(navbench.load(fleet).episodes["time_s"].max())
-    assert lasts_s == pytest.approx(end_s + replay.HOLD_S, abs=0.3)
+    assert lasts_s == pytest.approx(end_s + replay.HOLD_S, abs=0.6)  # two control periods
 
 
 def test_an_interrupt_leaves_no_half_video(
