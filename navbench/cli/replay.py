@@ -93,7 +93,7 @@ def _speed(text: str) -> float:
 def _check_way_out(video: Path | None) -> None:
     """Check that there is something to play on."""
     if video is None:
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
             raise DescriptionError(
                 "replay: needs a display, and the variable DISPLAY names none; --video FILE.gif writes a video"
             )
@@ -261,7 +261,6 @@ def _play_simulator(simulator: "Simulator", it: "Played", robots: Sequence[int],
             at_s = it.end_s if now_s >= it.end_s else now_s // it.period_s * it.period_s
             poses = it.poses(at_s)
             move_to(simulator, at_s, poses)
-            simulator.place()
             measured = rays(at_s, poses)
             noses = np.concatenate([poses[:, :2], poses[:, :2] + _ahead(it.radius_m, poses)], axis=1)
             lines = np.concatenate([noses, *(measured[i][:, :4] for i in robots)])

@@ -127,7 +127,7 @@ class Simulator(ABC):
         raise NotImplementedError
 
     def mark(self, lines: FloatArray, words: Sequence[str]) -> bool:
-        """Draw lines, (n, 4) from x, y to x, y [m], and lines of words, instead of the last ones.
+        """Show what is where now, with lines, (n, 4) from x, y to x, y [m], and lines of words, instead of the last.
 
         Returns:
             Whether the window is still open.

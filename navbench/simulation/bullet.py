@@ -178,7 +178,7 @@ class BulletSimulator(Simulator):
         time.sleep(max(0.0, self._due - now))
 
     def mark(self, lines: FloatArray, words: Sequence[str]) -> bool:
-        """Draw lines, dotted, and words above the world, and return whether the window is still open.
+        """Show what is where now, with lines, dotted, and words above the world; tell whether the window is open.
 
         Each command waits for a frame of the window: all lines are one, and words that stand there stay.
         """
@@ -189,6 +189,7 @@ class BulletSimulator(Simulator):
         dots = (lines[:, :2] + along * (lines[:, 2:] - lines[:, :2])).reshape(-1, 2) * scale
         dots = np.concatenate([dots, np.zeros((len(dots), 1))], axis=1)
         try:
+            self.place()
             if len(dots):
                 last = self._marks.get("", -1)
                 given = dots.tolist(), [RED] * len(dots), 3.0

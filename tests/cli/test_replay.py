@@ -1,5 +1,6 @@
 """Episodes played again: rays as the controller saw them, videos that run at the right speed, and what is refused."""
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from navbench.cli.replay import frames_of, rays_again
 from navbench.contract import Command as Asked
 from navbench.contract import Observation, Setup
 from navbench.report.film import Film, Played, played
+from navbench.simulation.planar import PlanarSimulator
 
 PLANAR: dict[str, Any] = {"simulator": "planar", "workers": 1}
 SEEN: list[tuple[float, np.ndarray]] = []
@@ -130,6 +132,29 @@ def test_an_interrupt_leaves_no_half_video(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_simulator_s_window_shows_what_was_driven_until_it_is_closed(
+    fleet: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[tuple[int, list[str]]] = []
+
+    class Window(PlanarSimulator):
+        has_window = True
+
+        def mark(self, lines: np.ndarray, words: Sequence[str]) -> bool:
+            shown.append((len(lines), list(words)))
+            return len(shown) < 3
+
+        def show(self, dt_s: float) -> None:
+            pass
+
+    monkeypatch.setenv("DISPLAY", ":1000")
+    monkeypatch.setattr(replay, "_with_window", lambda: Window)
+    assert command("replay", str(fleet), "robot=2", "speed=0.01").code == 0
+    assert [count for count, _ in shown] == [3 + 16] * 3  # where each robot looks, and one's rays
+    assert shown[0][1][0].startswith("0.00 s  R3  ")
+    assert "rays computed again in planar, without noise" in shown[0][1]
+
+
 REFUSED = [
     (("speed=0",), "speed=0: must be a number from 0.01 to 1000"),
     (("speed=fast",), "speed=fast: must be a number"),
@@ -155,8 +180,7 @@ def test_what_is_wrong_is_one_line(words: tuple[str, ...], says: str, single: Pa
 def test_without_a_display_it_says_how_to_write_a_video(
     single: Path, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(replay.sys, "platform", "linux")  # type: ignore[attr-defined]
     done = command("replay", str(single))
     assert done.code == 2
