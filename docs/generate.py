@@ -9,6 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from omegaconf import MissingMandatoryValue
+
 from navbench.analysis.verdicts import COLUMNS
 from navbench.cli.catalogue import CONF, files_of
 from navbench.cli.composing import Composer, composing
@@ -169,7 +171,7 @@ def _columns(columns: Columns) -> str:
 
 def _controller(name: str, title: str, composer: Composer) -> str:
     """Return the page of a controller: its docstring, its picture, its parameters and their sources."""
-    values = composer.values("run", [f"controller={name}"]).values["controller"]
+    values = _composed([f"controller={name}"], composer)
     target = values["build"]["_target_"]
     spec = find_spec(target.rpartition(".")[0])
     doc = ast.get_docstring(ast.parse(Path(spec.origin).read_text())) if spec and spec.origin else ""
@@ -188,6 +190,14 @@ def _controller(name: str, title: str, composer: Composer) -> str:
         "## Parameters and their sources",
         _table("parameter | value | source | which, or why | another reader might take", _parameters(values)),
     )
+
+
+def _composed(words: Sequence[str], composer: Composer) -> Any:
+    """Return a controller's values, with what only a user can give left open."""
+    try:
+        return composer.values("run", words).values["controller"]
+    except MissingMandatoryValue as error:
+        return _composed([*words, f"{error.full_key}=FILE"], composer)
 
 
 def _parameters(controller: Mapping[str, Any]) -> Iterator[str]:
