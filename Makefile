@@ -6,7 +6,7 @@ NEWER := build/trixie
 IMAGE := build/image
 STUDIES := aouf2019 zhao2017 zhao2018 nemeiksis2019 lei2014 papers
 
-.PHONY: run test test-newer test-container lint format clean tuned results
+.PHONY: run test test-newer test-container slow docs docs-media lint format clean tuned results
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
@@ -14,6 +14,19 @@ run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 
 test: $(STAMP) ## all tests, on all cores
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+slow: $(STAMP) ## the commands of the pages that take minutes to hours
+	$(BIN)/python -m pytest -m slow
+
+docs: $(BIN)/mkdocs ## the pages as a site in build/site, which opens from the disk
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo 'open build/site/index.html'
+
+docs-media: $(STAMP) ## make the pictures of the pages again, from real runs
+	$(BIN)/python docs/media.py
+
+$(BIN)/mkdocs: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
 
 test-newer: ## all tests under CPython 3.13, in a Debian root made by debootstrap (as root; kept in NEWER)
 	.ci/newer.sh $(NEWER)

@@ -268,7 +268,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Compare whole episodes on planar and on PyBullet.")
     parser.add_argument("--episodes", type=int, default=20, help="of each controller in each world")
     parser.add_argument(
-        "--controllers", default=",".join(files_of("controller", [CONF])), help="their names, by commas"
+        "--controllers",
+        default=",".join(name for name in files_of("controller", [CONF]) if name != "policy"),
+        help="their names, by commas",
     )
     parser.add_argument("--worlds", default=WORLDS, help="their names, by commas")
     parser.add_argument("--workers", type=int, default=1, help="processes")

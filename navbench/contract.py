@@ -141,12 +141,13 @@ _HAIR_DEG = 1e-6  # by which a heading in radians may miss the edge
 class Controller(Protocol):
     """The policy of one robot: observation in, command out.
 
-    Four further attributes are optional. ``trace``, a mapping of names to numbers, the same names at every step, is
+    Five further attributes are optional. ``trace``, a mapping of names to numbers, the same names at every step, is
     read after each ``act`` and kept with the trajectory; its ``heading_error_rad``, if there is one, is what the
     metric ``heading_ise`` integrates. ``sensor_roles``, a tuple of names, is the sensor layout that the controller
-    needs, and ``sensor_kind``, an ``AnyRing``, a kind of layout; a run with another one is refused. ``trace_words``, a
-    mapping of a trace's name to what its values 0, 1, ... are called, is what a report's page tells of an instant; an
-    empty word is not told.
+    needs, and ``sensor_kind``, an ``AnyRing`` or what has the same ``lack``, a kind of layout; a run with another one
+    is refused. ``digest``, a word, tells what was read from a file, so that results know it from another file.
+    ``trace_words``, a mapping of a trace's name to what its values 0, 1, ... are called, is what a report's page tells
+    of an instant; an empty word is not told.
     """
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:

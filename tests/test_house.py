@@ -21,6 +21,7 @@ FLOORS = {
     "mathematics": 0,
     "fuzzy": 0,
     "policy": 0,
+    "learning": 0,
     "raised": 0,
     "reading": 0,
     "importing": 0,

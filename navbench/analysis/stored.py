@@ -89,10 +89,15 @@ class StoredResults:
         return found
 
     @cached_property
+    def finished(self) -> int:
+        """How many of the planned episodes are there."""
+        cells = self.cells[["run_id", "tuning", "tuning_seed"]].drop_duplicates()  # as a plan counts its episodes
+        return len(cells.merge(self.rows[["run_id", "episode"]].drop_duplicates()))
+
+    @cached_property
     def missing(self) -> list[str]:
         """A sentence each on episodes that are not there, layouts that were not drawn, and impossible tasks."""
-        cells = self.cells[["run_id", "tuning", "tuning_seed"]].drop_duplicates()  # as a plan counts its episodes
-        there = len(cells.merge(self.rows[["run_id", "episode"]].drop_duplicates()))
+        there = self.finished
         planned = self.manifest["planned"]["episodes"]
         scenes = self.rows["run_id"].map(lambda run_id: str(self.configuration(run_id)["configuration"]["world"]))
         layouts = self.rows.assign(scene=scenes).drop_duplicates(["scene", "world", "seed", "episode"])

@@ -16,10 +16,27 @@ from navbench.mathematics.statistics import Estimate
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = (  # of claims.csv
-    "id kind statement where printed unit measured low high n simulator tolerance plausible_low plausible_high "
-    "hangs_on evidence because verdict reason"
-).split()
+COLUMNS = {  # of claims.csv, and what each holds
+    "id": "the claim's name in its study",
+    "kind": "claim, hypothesis, check or question",
+    "statement": "what is said, or asked",
+    "where": "where the paper says it",
+    "printed": "the number that the paper prints",
+    "unit": "its unit",
+    "measured": "the figure here",
+    "low": "the lower limit of its interval or range; empty without one",
+    "high": "the upper limit",
+    "n": "how many cases it rests on",
+    "simulator": "in which simulator these ran",
+    "tolerance": "within what the two agree",
+    "plausible_low": "the least figure over what else is plausible for the measure; empty without any",
+    "plausible_high": "the greatest",
+    "hangs_on": "which of these would turn the verdict",
+    "evidence": "what an agreement is worth: free, layout_unknown, selected or fitted",
+    "because": "the values that make it so",
+    "verdict": "the verdict",
+    "reason": "why, where it does not speak for itself",
+}
 VERDICTS = ("reproduced", "partly", "not_reproduced", "not_testable")
 HYPOTHESIS_VERDICTS = ("supported", "contradicted", "practically_equal", "undecided")
 CHECK_VERDICTS = ("passed", "failed")
@@ -108,7 +125,7 @@ def judged(stored: StoredResults, *, trust: bool = False) -> "pd.DataFrame":
         stored.manifest, {entry.name: of.used for entry, of in told if entry.kind in COUNTED and of.figure is not None}
     )
     rows = [_row(entry, of, *evidence.get(entry.name, ("", ""))) for entry, of in told]
-    return pd.DataFrame(rows, columns=COLUMNS)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def _measured(stored: StoredResults, claim: Claim, trust: bool) -> Measured:

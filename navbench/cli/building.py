@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
-from navbench.contract import AnyRing, Controller
+from navbench.contract import Controller
 from navbench.episode.isolation import let_interrupt
 from navbench.importing import import_named
 from navbench.raised import one_line, own_line, said_by
@@ -25,18 +25,21 @@ from navbench.validation import HERE, DescriptionError, describe, instead
 CONTROLLER = ("reset(setup, rng)", "act(observation)")
 
 
-def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Controller]:
+def controller_maker(
+    build: Any, sensors: Sensors, names: Names, target: Callable[..., Controller] | None = None
+) -> partial[Controller]:
     """Return what makes a controller, after making one to see that its parameters and its sensors fit.
 
     Args:
         build: ``_target_``, the controller's class as module.Class, and a value for each of its parameters.
         sensors: the suite that it will have.
         names: what controller and suite are called, for the error message.
+        target: what makes it, where a program gives that; its name is then only told.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
     """
-    maker = maker_of("controller.build", build, CONTROLLER)
+    maker = maker_of("controller.build", build, CONTROLLER, target)
     controller = made_by(maker, "controller.build", CONTROLLER)
     needed, kind = getattr(controller, "sensor_roles", None), getattr(controller, "sensor_kind", None)
     offered = tuple(mount.role for mount in sensors.mounts)
@@ -50,7 +53,7 @@ def controller_maker(build: Any, sensors: Sensors, names: Names) -> partial[Cont
             f"{'the range sensors ' + ', '.join(needed) + ', in this order' if needed else 'no range sensors'}; "
             f"this suite has {_few(offered)}"
         )
-    if kind is not None and not isinstance(kind, AnyRing):
+    if kind is not None and not hasattr(kind, "lack"):
         raise DescriptionError(f"controller.build._target_={build['_target_']}: its sensor_kind must be an AnyRing")
     lack = kind.lack(sensors.range_sensors()) if kind is not None else ""
     if lack:
@@ -78,13 +81,14 @@ def made(key: str, build: Any, methods: Sequence[str]) -> Any:
     return made_by(maker_of(key, build, methods), key, methods)
 
 
-def maker_of(key: str, build: Any, methods: Sequence[str]) -> partial[Any]:
+def maker_of(key: str, build: Any, methods: Sequence[str], target: Callable[..., Any] | None = None) -> partial[Any]:
     """Return what makes an object of a class that the configuration names, each time anew.
 
     Args:
         key: where ``build`` stands in the configuration, such as "controller.build", for the error message.
         build: ``_target_``, a class or a function as module.name, and a value for each of its parameters.
         methods: what the object must have, such as "act(observation)".
+        target: the class or function itself, where its name need not be looked up.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
@@ -92,7 +96,7 @@ def maker_of(key: str, build: Any, methods: Sequence[str]) -> partial[Any]:
     if not isinstance(build, Mapping) or "_target_" not in build:
         raise DescriptionError(f"{key}._target_: missing; it {_kind(methods)}")
     parameters = {name: copy.deepcopy(value) for name, value in build.items() if name != "_target_"}
-    target = located(f"{key}._target_", build["_target_"], methods)
+    target = target or located(f"{key}._target_", build["_target_"], methods)
     _check_finite(key, parameters)
     _check_parameters(key, target, parameters)
     return partial(target, **parameters)

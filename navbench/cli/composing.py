@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from typing import Any, NamedTuple
 
 import yaml
@@ -33,6 +34,7 @@ from navbench.validation import HERE, DescriptionError, instead
 KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
 CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
 WORLD_SIDE = ("world", "robot", "simulator")  # a world a robot
+COMPOSING = RLock()
 FOLDER: ContextVar[str | Path | None] = ContextVar("FOLDER", default=None)
 
 
@@ -59,26 +61,40 @@ class UserFolder(SearchPathPlugin):
 
 
 @contextmanager
-def composing(config_dir: str | Path | None = None) -> Iterator["Composer"]:
+def composing(
+    config_dir: str | Path | None = None, things: Sequence[tuple[str, str, Mapping[str, Any]]] = ()
+) -> Iterator["Composer"]:
     """Give what composes from navbench's own files, and from those of a folder, as after ``--config-dir``.
+
+    Threads take turns, because Hydra knows one configuration at a time.
+
+    Args:
+        config_dir: the folder.
+        things: what stands in no file: of each its group, its name, and what its file would hold.
 
     Raises:
         DescriptionError: there is no such folder, or a file in it cannot be used.
     """
     if config_dir is not None:
         check_folder(Path(config_dir))
-    schema.register()
-    Plugins.instance().register(UserFolder)
-    token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
-    GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
-    gc.freeze()  # Hydra leaves much garbage, and a third of its time would go into looking through all else
-    try:
-        with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
-            yield Composer()
-    finally:
-        gc.unfreeze()
-        FOLDER.reset(token)
-        GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
+    with COMPOSING:
+        schema.register()
+        Plugins.instance().register(UserFolder)
+        token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
+        GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
+        gc.freeze()  # Hydra leaves much garbage, and a third of its time would go into looking through all else
+        store = ConfigStore.instance()
+        for group, name, values in things:
+            store.store(group=group, name=name, node=values)
+        try:
+            with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
+                yield Composer()
+        finally:
+            for group, name, _ in things:
+                del store.repo[group][f"{name}.yaml"]
+            gc.unfreeze()
+            FOLDER.reset(token)
+            GlobalHydra.instance().hydra, HydraConfig.instance().cfg = hydra, config
 
 
 class Composer:

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from navbench.cli.building import check_keys, controller_maker, simulator_class
 from navbench.cli.composing import Composed, composing
 from navbench.cli.metrics import metrics_of
 from navbench.cli.worlds import world_of
+from navbench.contract import Controller
 from navbench.episode.similarity import Native, Similarity, period_s
 from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell
@@ -23,6 +24,7 @@ from navbench.world.world import World
 
 EPISODES_MAX = 10**6
 SEED_MAX = 2**63 - 1  # what a column of whole numbers holds
+NONE: Mapping[str, Callable[..., Controller]] = {}
 STEPS_MAX = 10**6  # of an episode: more are a slip in a unit, and would fill the memory
 
 
@@ -41,8 +43,12 @@ def compose_cell(*overrides: str, config_dir: str | Path | None = None) -> Cell:
         return cell_of(composer.values("run", overrides))
 
 
-def cell_of(run: Composed) -> Cell:
+def cell_of(run: Composed, makers: Mapping[str, Callable[..., Controller]] = NONE) -> Cell:
     """Return the cell that a composed configuration describes.
+
+    Args:
+        run: the configuration.
+        makers: what makes a controller of some names, where a program gives that.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
@@ -70,7 +76,9 @@ def cell_of(run: Composed) -> Cell:
     simulator = simulator_class(groups["simulator"].get("_target_"))
     options = describe(simulator.Options, without(groups["simulator"], "_target_"), "simulator")
     groups["simulator"] = without(groups["simulator"], "gui")  # a window changes nothing that is measured
-    make_controller = controller_maker(controller.get("build"), sensors, names)
+    make_controller = controller_maker(controller.get("build"), sensors, names, makers.get(names.controller))
+    if hasattr(make_controller.func, "digest"):  # of what it reads from a file
+        groups["controller"]["digest"] = str(make_controller().digest)  # type: ignore[attr-defined]
     world.check_fits(robot.radius_m)
     _check_steps(world, robot, native)
     if options.gui and not simulator.has_window:

@@ -138,7 +138,7 @@ def _window() -> Line:
 
 def _videos() -> Line:
     found = "imageio-ffmpeg" if find_spec("imageio_ffmpeg") else shutil.which("ffmpeg")
-    return Line("ok", f"ffmpeg: {found}") if found else Line("note", "no ffmpeg for videos: pip install imageio-ffmpeg")
+    return Line("ok", f"ffmpeg: {found}") if found else Line("note", "no ffmpeg for MP4s: pip install imageio-ffmpeg")
 
 
 def _engines() -> Line:

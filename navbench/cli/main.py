@@ -24,6 +24,7 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench verify DIR...                            say whether results are whole, complete and of the installed code
   navbench show DIR [episode=K]                     draw one episode: by default the first in which a robot failed
   navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
+  navbench replay DIR [episode=K] [--video FILE]    play one episode in a window, or write it as a video
   navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
                                                     what there is, a line each
   navbench new controller|world|robot|sensors|study NAME
@@ -55,7 +56,7 @@ options
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
-VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show", "new", "check", "doctor")
+VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show", "replay", "new", "check", "doctor")
 
 
 def main() -> None:

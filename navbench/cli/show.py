@@ -84,7 +84,6 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
     """Return the picture of one episode of a results directory."""
     from navbench.analysis.stored import StoredResults
     from navbench.experiments.store import Results
-    from navbench.report.episodes import draw_episode
 
     given = {}
     for word in words:
@@ -95,27 +94,43 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
         given[key] = value
     if not path.is_dir():
         raise DescriptionError(f"show {path}: there is no such directory")
-    stored = StoredResults(Results(path))
-    episodes = stored.rows
-    cell = _cell_of(stored, {key: given[key] for key in CELL if key in given})
-    rows = episodes[episodes["run_id"] == cell["run_id"]]
+    cell = {key: given[key] for key in CELL if key in given}
+    return picture_of(StoredResults(Results(path)), cell, number("episode", given), number("robot", given))
+
+
+def picture_of(stored: "StoredResults", wanted: Mapping[str, str], episode: int | None, robot: int | None) -> Shown:
+    """Return the picture of one episode.
+
+    Args:
+        stored: the results.
+        wanted: what chooses a cell, as ``CELL``.
+        episode: its index; None for the first in which a robot failed.
+        robot: which robot stands in front; None for all.
+
+    Raises:
+        DescriptionError: there is no such cell, episode or robot, or no trajectories are kept.
+    """
+    from navbench.report.episodes import draw_episode
+
+    cell = cell_of_results(stored, wanted)
     called = f"{cell['label']} in {cell['world']}"
-    if rows.empty:
-        raise DescriptionError(f"{path}: no episode of {called} is there yet")
-    if not stored.results.keeps_trajectories(cell["run_id"]):
-        raise DescriptionError(f"{path}: no trajectories are kept of {called}")
-    episode, note = _episode_of(rows, _number("episode", given))
-    robots = int(rows["robot_index"].max()) + 1
-    robot = _number("robot", given)
-    if robot is not None and robot >= robots:
-        raise DescriptionError(f"robot={robot}: there is no such robot; robots {_spans(range(robots))}")
-    figure = draw_episode(stored, str(cell["run_id"]), episode, robot, note)
+    rows = stored.rows[stored.rows["run_id"] == cell["run_id"]]
+    episode, note = episode_of(rows, episode)
+    figure = draw_episode(stored, str(cell["run_id"]), episode, robot_of(rows, robot), note)
     one = "" if robot is None else f" robot {robot}"
     said = f"{called}, episode {episode}{one and ','}{one}" + (f": {note}" if note else "")
     return Shown(figure, f"{called.replace(' in ', ' ')} episode {episode}{one}", said)
 
 
-def _number(key: str, given: Mapping[str, str]) -> int | None:
+def robot_of(rows: "pd.DataFrame", robot: int | None) -> int | None:
+    """Return a robot's index, or None, where it is one of the robots of a cell; raises ``DescriptionError``."""
+    robots = int(rows["robot_index"].max()) + 1
+    if robot is not None and robot not in range(robots):
+        raise DescriptionError(f"robot={robot}: there is no such robot; robots {_spans(range(robots))}")
+    return robot
+
+
+def number(key: str, given: Mapping[str, str]) -> int | None:
     """Return a whole number from 0 among the words, or None where it does not stand there."""
     if key not in given:
         return None
@@ -124,11 +139,13 @@ def _number(key: str, given: Mapping[str, str]) -> int | None:
     return int(given[key])
 
 
-def _cell_of(stored: "StoredResults", wanted: Mapping[str, str]) -> Mapping[str, Any]:
-    """Return the entry in the manifest of the one cell that is chosen."""
+def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return the entry in the manifest of the one cell that is chosen, of which trajectories are kept; see above."""
     cells = {cell["run_id"]: cell for cell in reversed(stored.manifest["cells"])}
     found: list[dict[str, Any]] = list(reversed(cells.values()))
     for key, value in wanted.items():
+        if key not in (*CELL, "controller"):
+            raise DescriptionError(f"{key}={value}: unknown key; {instead(key, CELL)}")
         left = [cell for cell in found if (cell[key].startswith(value) if key == "run_id" else cell[key] == value)]
         if not left:
             there = dict.fromkeys(cell[key] for cell in found)
@@ -136,6 +153,11 @@ def _cell_of(stored: "StoredResults", wanted: Mapping[str, str]) -> Mapping[str,
         found = left
     if len(found) != 1:
         raise DescriptionError(f"{stored.results.path}: {len(found)} cells; {_choices(found)}")
+    called, run_id = f"{found[0]['label']} in {found[0]['world']}", found[0]["run_id"]
+    if run_id not in set(stored.rows["run_id"]):
+        raise DescriptionError(f"{stored.results.path}: no episode of {called} is there yet")
+    if not stored.results.keeps_trajectories(run_id):
+        raise DescriptionError(f"{stored.results.path}: no trajectories are kept of {called}")
     return found[0]
 
 
@@ -149,7 +171,7 @@ def _choices(cells: Sequence[Mapping[str, Any]]) -> str:
     return f"choose one by {'; '.join(told)}"
 
 
-def _episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
+def episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
     """Return which of a cell's episodes is shown, and where nobody chose it why."""
     there = sorted(rows["episode"].unique().tolist())
     undrawn = rows[rows["outcome"].isin(list(NOT_DRIVEN))].set_index("episode")["reason"]

@@ -44,7 +44,7 @@ def write_tables(results: Results, each: "Each" = map) -> "pd.DataFrame":
     from navbench.report import figures, picture
     from navbench.report.tables import to_markdown
 
-    table = _table_of(results)
+    table = table_of(results)
     write_table(results.path / "table.csv", table.to_csv(index=False))
     write_table(results.path / "table.md", to_markdown(table))
     file = results.path / "trajectories.png"
@@ -68,7 +68,7 @@ def _drawn(results: Results) -> "Sample":
     return sample_of([run_id for run_id in planned if run_id in finished], results.episodes(), PANELS_MAX)
 
 
-def _table_of(results: Results) -> "pd.DataFrame":
+def table_of(results: Results) -> "pd.DataFrame":
     """Return a row a cell, in the order of the plan.
 
     There is a column for each key in which cells of the same names differ, and where episodes are missing, the column

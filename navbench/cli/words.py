@@ -9,7 +9,12 @@ from navbench.cli.catalogue import LISTED, check_folder
 from navbench.validation import DescriptionError
 
 RESUME = "resume=other-code"
-FLAGS = {"--config-dir": "-cd", "--multirun": "-m", "--cfg": "-c"}  # the short form; beside -h, --help
+FLAGS = {
+    "--config-dir": "-cd",
+    "--multirun": "-m",
+    "--cfg": "-c",
+    "--video": "--video",
+}  # the short form; beside -h, --help
 SWITCHES = ("--multirun", "--trust", "--overwrite", "--open")  # which take no word
 
 
@@ -26,6 +31,7 @@ class Words(NamedTuple):
         trust: whether ``--trust`` was given.
         overwrite: whether ``--overwrite`` was given.
         open: whether ``--open`` was given.
+        video: the file after ``--video``, or None.
     """
 
     names: list[str]
@@ -37,6 +43,7 @@ class Words(NamedTuple):
     trust: bool
     overwrite: bool
     open: bool
+    video: str | None
 
     @property
     def kept(self) -> dict[str, bool]:
@@ -85,6 +92,7 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
         trust=getattr(given, "trust", False),
         overwrite=getattr(given, "overwrite", False),
         open=getattr(given, "open", False),
+        video=getattr(given, "video", None),
     )
 
 

@@ -30,6 +30,29 @@ BATCH_MIN, BATCH_MAX = 5, 25  # episodes: fewer are not worth a part's cost, mor
 BATCHES = 8  # of a cell whose batches lie between these, so that several cores share even one
 
 
+@dataclass(frozen=True, slots=True)
+class Unnamed:
+    """Makes controllers of what a program gives and no dotted name stands for.
+
+    Attributes:
+        thing: a controller, of which each robot of each episode has a copy, or a class or function that makes one.
+        is_object: whether it is a controller.
+    """
+
+    thing: Any
+    is_object: bool
+
+    def __call__(self, digest: str) -> Controller:
+        """Return a controller; the digest tells the thing from others in a configuration."""
+        made: Controller = copy.deepcopy(self.thing) if self.is_object else self.thing()
+        return made
+
+    @property
+    def kind(self) -> Any:
+        """The controller's class, as far as it is known."""
+        return type(self.thing) if self.is_object else self.thing
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
     """One combination to run.
@@ -95,7 +118,8 @@ class Cell:
     @property
     def loop(self) -> str:
         """What closes the loop: "compiled" code, or "python" where the simulator or the controller needs it."""
-        is_policy = inspect.isclass(self.controller) and issubclass(self.controller, CompiledController)
+        kind = self.controller.kind if isinstance(self.controller, Unnamed) else self.controller
+        is_policy = inspect.isclass(kind) and issubclass(kind, CompiledController)
         return "compiled" if is_policy and self.simulator.is_compiled else "python"
 
     def key(self) -> CellKey:

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from navbench.contract import AnyRing
 from navbench.episode.similarity import DEFAULT_PERIOD_S, Native, Similarity, period_s
 from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell, Records
@@ -103,6 +104,8 @@ def _sensors(cell: Cell) -> Finding:
     roles, kind = getattr(controller, "sensor_roles", None), getattr(controller, "sensor_kind", None)
     if roles is not None:
         return Finding("ok", "sensors", f"needs these {len(roles)} range sensors, and others are refused")
+    if kind is not None and not isinstance(kind, AnyRing):
+        return Finding("ok", "sensors", f"needs {kind}, and others are refused")
     if kind is None:
         reason = _reason_with(cell, ())
         if not reason:

@@ -9,11 +9,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from navbench.cli.configuration import compose_cell
-from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
+from navbench.cli.composing import key_of
+from navbench.cli.interface import cells_of, one_line_errors
 from navbench.episode.stepping import GOAL_X, GOAL_Y, HEADING, Outside, Stepper, V, W, X, Y
 from navbench.experiments.cells import Cell
 from navbench.gym.reward import Period, Reward
+from navbench.learning import Scales
 from navbench.simulation.motion import COLLIDED, REACHED, RUNNING
 from navbench.validation import DescriptionError
 from navbench.world.layout import Layout
@@ -46,21 +47,17 @@ def cell_of_words(words: Sequence[str], choices: dict[str, Any], config_dir: str
 
     Args:
         words: such as "world=deadlock".
-        choices: further words as keys and values; None says nothing.
+        choices: further ones as keys and values, see ``navbench.cli.given``; None says nothing.
         config_dir: a folder with further worlds, robots and sensors.
 
     Raises:
         DescriptionError: one line that names the key, its value and what is allowed.
     """
-    given = [*words, *(f"{key}={value}" for key, value in choices.items() if value is not None)]
-    keys = {word.partition("=")[0] for word in given}
-    first = [
-        f"{key}={name}" for key, name in (("controller", "go_to_goal"), ("simulator", "planar")) if key not in keys
-    ]
-    try:
-        cell = compose_cell(*first, *given, config_dir=config_dir)
-    except (*CONFIGURATION_ERRORS, ValueError) as error:
-        raise DescriptionError(one_line(error)) from None
+    keys = {*map(key_of, words), *(key for key, value in choices.items() if value is not None)}
+    first = {"controller": "go_to_goal", "simulator": "planar"}
+    added = [f"{key}={name}" for key, name in first.items() if key not in keys]
+    with one_line_errors():
+        (cell,) = cells_of([*added, *words], choices, config_dir).cells
     if not cell.simulator.is_compiled:
         raise DescriptionError(f"simulator={cell.names.simulator}: environments need a compiled one, such as planar")
     if cell.sensors.tracker is not None:
@@ -91,9 +88,7 @@ class Core:
         self._cell, self._reward, self._form = cell, reward, observation
         outside = replace(cell, controller=Outside, configuration={"controller": {"build": {}}})
         self.stepper = Stepper(outside.runner, **options)
-        body, ring = self.stepper.setup.robot, self.stepper.setup.sensors
-        self._speeds = np.array([1.0, 2.0 / body.track_m]) * body.wheel_speed_max_mps
-        self._unit_m = max([sensor.max_range_m for sensor in ring], default=body.radius_m)
+        self._scales, ring = Scales.of(self.stepper.setup), self.stepper.setup.sensors
         self._sensors = len(ring)
         self._first_m = np.ones(self.stepper.outcomes.shape)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -106,14 +101,9 @@ class Core:
 
     def seen(self) -> NDArray[np.float32]:
         """Return what the robots observe, (episodes, robots, n_sensors + 4), newly made."""
-        known, speeds = self.stepper.known, self._speeds
-        dx, dy, heading = known[..., GOAL_X] - known[..., X], known[..., GOAL_Y] - known[..., Y], known[..., HEADING]
-        cosine, sine = np.cos(heading) / self._unit_m, np.sin(heading) / self._unit_m
-        seen = np.empty((*heading.shape, self._sensors + 4), np.float32)
-        np.divide(self.stepper.ranges_m, self._unit_m, out=seen[..., : self._sensors], casting="same_kind")
-        seen[..., -4], seen[..., -3] = cosine * dx + sine * dy, cosine * dy - sine * dx
-        seen[..., -2], seen[..., -1] = known[..., V] / speeds[0], known[..., W] / speeds[1]
-        return seen
+        known = self.stepper.known
+        pose, goal = (known[..., X], known[..., Y], known[..., HEADING]), (known[..., GOAL_X], known[..., GOAL_Y])
+        return self._scales.observed(self.stepper.ranges_m, pose, goal, (known[..., V], known[..., W]))
 
     def formed(self, seen: NDArray[np.float32]) -> Observed:
         """Return observations, (..., n_sensors + 4), as they were asked for."""
@@ -140,7 +130,7 @@ class Core:
         if asked.shape != (*stepper.outcomes.shape, 2) or not np.isfinite(asked).all():
             raise ValueError(f"action={actions!r}: must be two finite numbers a robot")
         before_m, begun, ran = stepper.distances_m.copy(), stepper.begun.copy()[:, None], stepper.outcomes == RUNNING
-        stepper.move(asked * self._speeds)
+        stepper.move(asked * self._scales[1:])
         if begun.any():
             self._first_m = np.where(begun, stepper.distances_m, self._first_m)
         reached, collided = stepper.outcomes == REACHED, stepper.outcomes == COLLIDED

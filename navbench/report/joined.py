@@ -145,7 +145,7 @@ def read_claims(file: Path) -> "pd.DataFrame":
     import pandas as pd
 
     if not file.is_file():
-        return pd.DataFrame(columns=COLUMNS)
+        return pd.DataFrame(columns=list(COLUMNS))
     try:
         texts = {column: str for column in COLUMNS if column not in FIGURES}
         table = pd.read_csv(
@@ -155,7 +155,7 @@ def read_claims(file: Path) -> "pd.DataFrame":
         raise DescriptionError(f"{file}: {' '.join(str(error).split())}") from None
     if [column for column in COLUMNS if column in table or column not in NEWER] != list(table.columns):
         raise DescriptionError(f"{file}: its columns must be {', '.join(COLUMNS)}")
-    table = table.assign(**{column: value for column, value in NEWER.items() if column not in table})[COLUMNS]
+    table = table.assign(**{column: value for column, value in NEWER.items() if column not in table})[list(COLUMNS)]
     verdicts = (*VERDICTS, *HYPOTHESIS_VERDICTS, *CHECK_VERDICTS)
     for column, allowed in (("verdict", (*verdicts, "")), ("evidence", (*EVIDENCE, ""))):
         wrong = table[~table[column].isin(allowed)]

@@ -187,8 +187,14 @@ def _cell(stored: StoredResults, run_id: str, trust: bool) -> dict[str, Any]:
         "radius": robot.radius_m,
         "tolerance": configuration["world"]["goal_tolerance_m"],
         "mounts": mounts,
-        "words": _words_of_study(stored) | _words_of(configuration["controller"]["build"].get("_target_", ""), trust),
+        "words": trace_words(stored, run_id, trust),
     }
+
+
+def trace_words(stored: StoredResults, run_id: str, trust: bool = False) -> dict[str, dict[str, str]]:
+    """Return what the values of a cell's trace are called: by its column and the value as a word."""
+    build = stored.configuration(run_id)["configuration"]["controller"]["build"]
+    return _words_of_study(stored) | _words_of(build.get("_target_", ""), trust)
 
 
 def _words_of(controller: str, trust: bool) -> dict[str, dict[str, str]]:

@@ -59,8 +59,10 @@ def summarize(episodes: "pd.DataFrame", metrics: Iterable[Metric] = DECLARED) ->
     return pd.DataFrame(rows)
 
 
-def to_text(summary: "pd.DataFrame") -> str:
+def to_text(summary: "pd.DataFrame", form: str = "simple") -> str:
     """Return the table for a terminal: the columns that a reader asks for first; means are over the reached.
+
+    With ``form="html"`` it is the table for a page.
 
     Metrics beside navbench's own are printed, and where several robots drive together, what the fleets did. Sensors,
     simulator and seed are printed where they differ, and so is every column that is not ``summarize``'s own.
@@ -70,7 +72,7 @@ def to_text(summary: "pd.DataFrame") -> str:
     more = [name for name in names if name not in (*COLUMNS, *added)]
     more += [name for name in WHERE_MANY if summary[name].nunique() > 1]
     many = FLEET if (summary["robots"] > 1).any() else ()
-    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:], *added, *many), "simple")
+    return _table(summary, (*PRINTED[:3], *more, *PRINTED[3:], *added, *many), form)
 
 
 def _fleet_columns(table: "pd.DataFrame") -> dict[str, object]:

@@ -82,7 +82,7 @@ class Simulator(ABC):
     pipeline: Pipeline
 
     def __init__(self, options: SimulatorOptions, robot: Robot, sensors: Sensors, accel_max_mps2: float | None) -> None:
-        self.options, self.robot = options, robot
+        self.options, self.robot, self.sensors = options, robot, sensors
         limited = options.drive == "limited"
         self.fixed = np.zeros(1, FIXED)
         self._delay_s = options.command_delay_s if limited else 0.0
@@ -124,6 +124,14 @@ class Simulator(ABC):
 
     def show(self, dt_s: float) -> None:
         """Show what is placed in a window, a control period [s] after the last time."""
+        raise NotImplementedError
+
+    def mark(self, lines: FloatArray, words: Sequence[str]) -> bool:
+        """Show what is where now, with lines, (n, 4) from x, y to x, y [m], and lines of words, instead of the last.
+
+        Returns:
+            Whether the window is still open.
+        """
         raise NotImplementedError
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import distributions
 from operator import itemgetter
@@ -60,6 +60,8 @@ _BODIES = itemgetter(1, 2, 8)  # of a contact point: the two bodies and how far 
 SEEN, UNSEEN = (1, -1), (1, 0)  # what group of bodies one is in, and which groups it meets: rays are in the first
 WALL_HEIGHT_RADII = 2.0  # only seen in the window: nothing leaves the plane
 GREY, BLUE, ORANGE = (0.5, 0.5, 0.5, 1.0), (0.1, 0.4, 0.8, 1.0), (0.9, 0.5, 0.1, 1.0)
+DOTS = 25  # of a line in the window
+BLACK, RED = (0.0, 0.0, 0.0), (0.8, 0.1, 0.1)
 
 
 class BulletSimulator(Simulator):
@@ -84,6 +86,7 @@ class BulletSimulator(Simulator):
         self.scale = 2.0 ** math.ceil(math.log2(4.0 / robot.radius_m))
         self.begins, self.ends = self._scaled_rays("begin"), self._scaled_rays("end")
         self.bodies: list[int] = []
+        self._marks: dict[str, int] = {}  # what ``mark`` has drawn: words, and dots under an empty one
         self._corners: list[list[float]] = []  # see _add_polygon
         self._vertices: list[list[float]] = []
         self._indices: list[int] = []
@@ -173,6 +176,33 @@ class BulletSimulator(Simulator):
         now = time.monotonic()
         self._due = max(getattr(self, "_due", now), now - dt_s) + dt_s
         time.sleep(max(0.0, self._due - now))
+
+    def mark(self, lines: FloatArray, words: Sequence[str]) -> bool:
+        """Show what is where now, with lines, dotted, and words above the world; tell whether the window is open.
+
+        Each command waits for a frame of the window: all lines are one, and words that stand there stay.
+        """
+        bounds, scale, client = self.scene.layout.bounds, self.scale, self.client
+        left, top, size = bounds.x_min_m * scale, bounds.y_max_m * scale, (bounds.y_max_m - bounds.y_min_m) * scale
+        above = 2.0 * WALL_HEIGHT_RADII * self.robot.radius_m * scale
+        along = np.linspace(0.0, 1.0, DOTS)[:, None, None]
+        dots = (lines[:, :2] + along * (lines[:, 2:] - lines[:, :2])).reshape(-1, 2) * scale
+        dots = np.concatenate([dots, np.zeros((len(dots), 1))], axis=1)
+        try:
+            self.place()
+            if len(dots):
+                last = self._marks.get("", -1)
+                given = dots.tolist(), [RED] * len(dots), 3.0
+                self._marks[""] = pybullet.addUserDebugPoints(*given, replaceItemUniqueId=last, physicsClientId=client)
+            for word in [word for word in self._marks if word and word not in words]:
+                pybullet.removeUserDebugItem(self._marks.pop(word), physicsClientId=client)
+            for row, word in enumerate(words):
+                if word not in self._marks:
+                    place = left, top + (0.04 + 0.05 * (len(words) - row)) * size, above
+                    self._marks[word] = pybullet.addUserDebugText(word, place, BLACK, 1.2, physicsClientId=client)
+        except pybullet.error:  # of a window that was closed
+            return False
+        return bool(pybullet.isConnected(client))
 
     def _scaled_rays(self, point: str) -> list[Triple]:
         """Return where the rays begin or end."""

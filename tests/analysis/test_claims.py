@@ -203,7 +203,7 @@ def test_claims_of_all_kinds_are_judged_in_one_table(tmp_path: Path) -> None:
     }
     cells = [(a_cell(label), [a_record(length_m=length_m)] * 6) for label, length_m in (("A", 9.0), ("B", 10.0))]
     table = judged(store(tmp_path, cells, {"name": "mine", "claims": claims}))
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == list(COLUMNS)
     assert table["id"].tolist() == list(claims)
     assert table["verdict"].tolist() == ["reproduced", "not_testable", "supported", "practically_equal", "supported"]
     assert table["tolerance"].tolist() == ["±5 %", "±5 %", "below 0", "below 0", "below 0"]

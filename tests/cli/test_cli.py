@@ -555,8 +555,8 @@ def test_a_controller_that_fails_is_a_row_with_its_reason(
 
 
 def test_the_python_interface_takes_the_words_of_the_command_line(tmp_path: Path) -> None:
-    table = navbench.run("controller=sflc", "world=corner", "episodes=2", "workers=1", path=tmp_path / "here")
-    assert list(table["outcome"]) == ["reached", "reached"]
+    ran = navbench.run("controller=sflc", "world=corner", "episodes=2", "workers=1", dir=tmp_path / "here")
+    assert list(ran.episodes["outcome"]) == ["reached", "reached"]
     assert (tmp_path / "here/manifest.json").is_file()
 
 

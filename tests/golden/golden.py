@@ -71,7 +71,8 @@ def _cell(words: str, folder: Path) -> dict[str, Any]:
 
     import navbench
 
-    navbench.run(*words.split(), "workers=1", path=folder)
+    ran = navbench.run(*words.split(), "workers=1")
+    folder = ran.path
     rows = {}
     episodes = [
         row for part in sorted((folder / "episodes").glob("*.parquet")) for row in pq.read_table(part).to_pylist()

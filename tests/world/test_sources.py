@@ -71,7 +71,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def run(folder: Path, *words: str, episodes: int = 8) -> StoredResults:
     """Run go_to_goal, and return what is kept."""
     words = ("controller=go_to_goal", f"episodes={episodes}", "workers=1", *words)
-    navbench.run(*words, config_dir=str(folder / "conf"), path=folder / "out")
+    navbench.run(*words, config_dir=str(folder / "conf"), dir=folder / "out")
     return StoredResults(Results(folder / "out"))
 
 

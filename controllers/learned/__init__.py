@@ -1,0 +1,1 @@
+"""Controllers that were learned elsewhere."""

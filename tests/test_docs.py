@@ -1,0 +1,139 @@
+"""What the README and the pages tell a reader to type works, word for word, in the order of the page."""
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from commands import Command, Done
+from pages import PAGES, ROOT, blocks_of, write_files
+
+from navbench.experiments.columns import TABLES
+from navbench.experiments.parts import KINDS
+from navbench.metrics import DECLARED
+
+SLOW = [(page.name, line) for page in PAGES for b in blocks_of(page) if b.mark == "slow" for line in b.commands]
+
+
+@pytest.fixture(autouse=True)
+def _forgotten(tmp_path: Path) -> Iterator[None]:
+    """A reader's own modules lie in a folder of each page's own: none is remembered."""
+    yield
+    for name, module in list(sys.modules.items()):
+        if any(
+            str(place).startswith(str(tmp_path)) for place in (getattr(module, "__path__", None) or [_file(module)])
+        ):
+            del sys.modules[name]
+
+
+def _file(module: object) -> str:
+    return str(getattr(module, "__file__", ""))
+
+
+def run(command: Command, folder: Path, line: str) -> Done:
+    words = shlex.split(line, comments=True)
+    if words[0] == "navbench":
+        return command(*words[1:])
+    assert words[0] == "python", line
+    done = subprocess.run([sys.executable, *words[1:]], cwd=folder, capture_output=True, text=True, check=False)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_command_of_a_page_works(
+    page: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # processes would take longer to begin than to run what is shown
+    write_files(page, tmp_path)
+    for block in blocks_of(page):
+        for line in [] if block.mark else block.commands:
+            done = run(command, tmp_path, line)
+            assert done.code == 0, f"{line}: {done.err}"
+            assert "controller_error" not in done.out
+            assert block.language == "sh" or block.printed in done.out, f"{line} prints {done.out}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "line"), SLOW)
+def test_a_command_that_takes_long_works(page: str, line: str, command: Command) -> None:
+    assert command(*shlex.split(line, comments=True)[1:]).code == 0
+
+
+def test_hardly_any_command_is_left_out() -> None:
+    left = [line for page in PAGES for block in blocks_of(page) if block.mark == "not run" for line in block.commands]
+    assert [line.split("#")[0].strip() for line in left] == [
+        "make run",
+        "source .venv/bin/activate",
+        "make run",
+        "make test",
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_link_leads_somewhere(page: Path) -> None:
+    """Those to pages that are only made with the site, and to places in pages, the site's own builder checks."""
+    made = {"metrics.md", "tables.md"}
+    for link in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
+        assert link in made or (page.parent / link).exists() or link == "../results/aouf2019/report.html", link
+
+
+def test_every_column_that_is_stored_is_described(command: Command, tmp_path: Path) -> None:
+    words = ("controller=pid", "tuner=random", "world=corner", "budget=10", "simulator=planar", "workers=1")
+    assert command("tune", *words, "hydra.run.dir=tuned").code == 0
+    others = {"episodes": {metric.name for metric in DECLARED}, "evaluations": {"kp", "ki", "kd"}}
+    for kind in TABLES:
+        for part in (tmp_path / "tuned" / kind).glob("part-*.parquet"):
+            more = set(pq.read_schema(part).names) - set(TABLES[kind])
+            assert set(TABLES[kind]) <= set(pq.read_schema(part).names), kind
+            assert kind == "trajectories" or more == others.get(kind, set()), kind  # there they are the trace's
+    episodes = pd.read_csv(tmp_path / "tuned/episodes.csv")
+    assert set(episodes) == {*TABLES["episodes"], *(metric.name for metric in DECLARED)}
+
+
+def test_a_described_table_is_one_that_is_stored() -> None:
+    assert set(KINDS) - set(TABLES) == {"descriptions"}  # whose columns are the controller's
+    assert set(TABLES) <= set(KINDS)
+
+
+def test_the_pages_that_are_made_have_every_metric_column_controller_and_study() -> None:
+    from generate import pages
+
+    from navbench.cli.catalogue import CONF, files_of
+
+    made = pages()
+    assert all(f"| `{metric.name}` | {metric.unit} |" in made["metrics.md"] for metric in DECLARED)
+    assert all(f"| `{name}` |" in made["tables.md"] for columns in TABLES.values() for name in columns)
+    for name in files_of("controller", [CONF]):
+        assert f"controllers/{name}.md" in made
+    assert "| `build.oa_rules` | {vL: {S: {RB: PB" in made["controllers/oa_to.md"]
+    assert "| paper | Table 1 |" in made["controllers/oa_to.md"]
+    assert {page for page in made if page.startswith("studies/")} == {
+        f"studies/{report.relative_to(ROOT / 'results').as_posix()}"
+        for report in (ROOT / "results").rglob("*.md")
+        if report.name in ("README.md", "report.md")
+    }
+
+
+def test_the_site_builds_without_a_warning_and_asks_no_network(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs")
+    from mkdocs.commands.build import build
+    from mkdocs.config import load_config
+
+    config = load_config(str(ROOT / "mkdocs.yml"), site_dir=str(tmp_path / "site"), strict=True)
+    build(config)
+    for page in (tmp_path / "site").glob("*.html"):
+        loaded = re.findall(r'<(?:script|img|iframe)[^>]* src="([^"]+)|<link[^>]* href="([^"]+)', page.read_text())
+        assert not [link for found in loaded for link in found if link.startswith(("http", "//"))], page.name
+    assert "<math" in (tmp_path / "site/statistics.html").read_text()
+    assert "arithmatex" not in (tmp_path / "site/statistics.html").read_text()
+
+
+def test_the_pictures_are_small() -> None:
+    sizes = [file.stat().st_size for file in (ROOT / "docs/media").rglob("*.png")]
+    assert max(sizes) <= 150_000
+    assert sum(sizes) <= 1_500_000
