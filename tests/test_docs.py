@@ -71,6 +71,11 @@ def test_hardly_any_command_is_left_out() -> None:
         "source .venv/bin/activate",
         "make run",
         "make test",
+        "docker build --tag navbench --file containers/Dockerfile .",
+        'docker run --rm --read-only --tmpfs /tmp --user "$(id -u):$(id -g)" --volume "$PWD:/work" navbench '
+        "controller=sflc world=deadlock",
+        "apptainer build navbench.sif containers/navbench.def",
+        "apptainer run navbench.sif controller=sflc world=deadlock",
     ]
 
 
