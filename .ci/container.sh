@@ -35,7 +35,7 @@ exec unshare --mount sh -euc '
     NAVBENCH_CACHE_DIR=/opt/navbench/cache PATH=/opt/navbench/venv/bin:/usr/bin:/bin sh -euc "
       cd /work
       if touch /opt/navbench/written 2>/dev/null; then echo \"the root can be written\" >&2; exit 1; fi
-      time navbench controller=sflc world=deadlock
+      navbench controller=sflc world=deadlock
       navbench -m controller=sflc,pid world=deadlock,no_deadlock workers=2
       navbench verify outputs multirun"
   ' unshare "$root"
