@@ -25,7 +25,7 @@ T = TypeVar("T")
 Given = ParamSpec("Given")
 
 HERE = "allowed here"  # before the keys of one place
-LISTED_MAX = 12  # names; of more, the nearest one is named alone
+LISTED_MAX = 14  # names; of more, the nearest one is named alone
 REMEMBERED_MAX = 64  # more than one process works on in turn
 
 

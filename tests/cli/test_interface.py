@@ -238,7 +238,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"world": Turner()}, "world=.*: must be a name, a YAML file, a mapping, a World"),
     ({"robot": {"radius_m": -1.0, "track_m": 1.0, "wheel_speed_max_mps": 1.0}}, "robot.radius_m=-1.0: must be greater"),
     ({"episodes": "many"}, "episodes=many: must be a whole number"),
-    ({"workers": 0}, "workers=0: must be at least 1"),
+    ({"workers": -1}, "workers=-1: must be at least 0"),
     ({"seed": -1}, "seed=-1: must be from 0"),
     ({"dir": __file__}, "is a file; results need a directory"),
 ]

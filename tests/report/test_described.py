@@ -139,7 +139,7 @@ def test_robustness_counts_episodes_and_keeps_the_failures_clearance(reading: St
     assert row["reached_low"] < 0.5 < row["reached_high"]
     assert row["clearance_m"] == pytest.approx(0.2)
     assert row["clearance_least_m"] == pytest.approx(-0.01)
-    assert row["clearance_m_low"] <= 0.2 <= row["clearance_m_high"]
+    assert math.isnan(row["clearance_m_low"])  # a median of fewer than six has no interval
     assert "| plain one | it | 2 of 4: 0.500 [" in text
     assert "3 of 4: 0.750 [" in text
 
