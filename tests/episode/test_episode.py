@@ -293,7 +293,8 @@ def test_a_mover_that_hits_a_standing_robot_ends_it_and_passes_on_to_the_next_on
 
 def test_a_mover_passes_through_a_robot_that_has_arrived() -> None:
     mover = to_and_fro((10.0, 0.0), (-100.0, 0.0), speeds=[2.0], radius_m=0.5)
-    world = a_world(movers=(mover,), starts=starts((0, 0, 0), (0, 9, 0)), goals=(Point(x_m=0, y_m=0),) * 2)
+    goals = Point(x_m=0, y_m=0), Point(x_m=0, y_m=40)
+    world = a_world(movers=(mover,), starts=starts((0, 0, 0), (0, 9, 0)), goals=goals)
     watcher = always(0.0)
     first, second = run(world, [always(0.0), watcher], sensors=a_ring(1, 1.0, 5.0, tracker=Tracker(range_m=99.0)))
     assert (first.outcome, first.metrics["time_s"], first.metrics["collisions"]) == ("reached", 0.0, 0)
