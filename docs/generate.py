@@ -35,7 +35,7 @@ def on_config(config: "MkDocsConfig") -> None:
     for page in pages():
         index = next((name for name in made if page.startswith(name.split("/")[0]) and page != name), None)
         if index:
-            made[index].append({page.removesuffix("/report.md").removesuffix(".md").split("/")[1]: page})
+            made[index].append({page.removesuffix("/report.md").removesuffix(".md").partition("/")[2]: page})
     for section in config.nav or []:
         for title, entries in section.items():
             if isinstance(entries, list):
@@ -84,7 +84,7 @@ def pages() -> dict[str, str]:
     rows = [f"[`{name}`]({name}.md) | {title}" for name, title in names.items()]
     made["controllers/index.md"] = _joined("# Controllers", CONTROLLERS, _table("name | what it is", rows))
     made |= {f"controllers/{name}.md": text for name, text in controllers.items()}
-    for report in (RESULTS / "README.md", *sorted(RESULTS.glob("*/report.md"))):
+    for report in (RESULTS / "README.md", *sorted(RESULTS.rglob("report.md"))):
         made[f"studies/{report.relative_to(RESULTS).as_posix()}"] = _report(report)
     return made
 
