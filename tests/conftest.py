@@ -21,7 +21,8 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Captu
     monkeypatch.setenv("HYDRA_FULL_ERROR", "0")
 
     def run(*words: str) -> Done:
-        sys.modules.pop("mine", None)
+        for name in ("mine", "compiled_mine"):  # of the folder before
+            sys.modules.pop(name, None)
         monkeypatch.setattr(sys, "argv", ["navbench", *words])
         with pytest.raises(SystemExit) as end:
             cli.main()
