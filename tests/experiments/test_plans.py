@@ -205,11 +205,11 @@ def test_a_batch_that_cannot_be_run_costs_its_own_episodes_and_is_gone_on_with(
         return whole(self, episode)
 
     monkeypatch.setattr(EpisodeRunner, "run", unlucky)
-    ran = run_plan(plan_of(own, "mine"), own / "results", workers=1)
+    ran = run_plan(plan_of(own, "mine"), own / "results", workers=0)
     assert (ran.finished, ran.planned, ran.reasons) == (7, 12, ("mine in corner: no room in episode 7",))
     assert list(ran.results.episodes()["episode"]) == [0, 1, 2, 3, 4, 10, 11]
     monkeypatch.setattr(EpisodeRunner, "run", whole)
-    again = run_plan(plan_of(own, "mine"), own / "results", workers=1)
+    again = run_plan(plan_of(own, "mine"), own / "results", workers=0)
     assert (again.finished, again.planned, again.reasons) == (12, 12, ())
 
 
@@ -226,7 +226,7 @@ def test_a_run_with_missing_episodes_exits_with_3_and_its_table_says_so(
         return whole(self, episode)
 
     monkeypatch.setattr(EpisodeRunner, "run", unlucky)
-    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=1")
+    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=0")
     done = command(*words, "hydra.run.dir=here")
     assert done.code == 3
     assert done.err == "navbench: 7 of 12 planned episodes are there: go_to_goal in empty: no room in episode 7\n"
@@ -238,7 +238,7 @@ def test_a_run_with_missing_episodes_exits_with_3_and_its_table_says_so(
 
 def test_a_picture_of_many_cells_shows_some_of_them_and_the_output_says_so(command: Command, tmp_path: Path) -> None:
     seeds = ",".join(map(str, range(PANELS_MAX + 5)))
-    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.2", f"seed={seeds}", "workers=1")
+    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.2", f"seed={seeds}", "workers=0")
     done = command("-m", *words, "hydra.sweep.dir=sweep")
     assert done.code == 0, done.err
     assert "trajectories.png: 30 of 35 cells, taken evenly: 30 of 35 with failures and 0 of 0 without" in done.out
@@ -250,7 +250,7 @@ def test_a_picture_is_drawn_again_only_where_episodes_have_changed(
 ) -> None:
     save = Mock(wraps=save_trajectories)
     monkeypatch.setattr("navbench.report.picture.save_trajectories", save)
-    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=1")
+    words = ("controller=go_to_goal", "world=empty", "world.time_limit_s=0.5", "episodes=12", "workers=0")
     picture = tmp_path / "here/trajectories.png"
     first, again = (command(*words, "hydra.run.dir=here") for _ in range(2))
     assert (first.out, save.call_count) == (again.out, 1)

@@ -10,6 +10,7 @@ import navbench
 from navbench.analysis.stored import StoredResults
 from navbench.cli.configuration import compose_cell
 from navbench.experiments.store import Results, ResultsError
+from navbench.records import NOT_DRIVEN
 from navbench.validation import DescriptionError
 
 ROOMS = '''"""Two rooms with a door at a random place."""
@@ -77,7 +78,8 @@ def run(folder: Path, *words: str, episodes: int = 8) -> StoredResults:
 
 def test_a_bad_draw_costs_its_episode_and_says_why(folder: Path) -> None:
     rows = run(folder, "world=two_rooms").rows.set_index("episode")
-    assert {episode: rows.loc[episode, "reason"] for episode in rows.index[rows["outcome"] == "no_layout"]} == REASONS
+    assert {episode: rows.loc[episode, "reason"] for episode in rows.index[rows["outcome"].isin(NOT_DRIVEN)]} == REASONS
+    assert list(rows.index[rows["outcome"] == "impossible"]) == [3]
     lost = rows.loc[list(REASONS)]
     assert (lost["time_s"] == 0.0).all()
     assert lost["goal_distance_m"].isna().all()
