@@ -4,13 +4,13 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
+from pages import ROOT, blocks_of
 from pettingzoo.test import parallel_api_test
 
 import navbench.gym
@@ -200,10 +200,10 @@ def test_an_action_that_is_no_two_finite_numbers_is_refused(action: list[float])
         env.step(np.array(action, np.float32))
 
 
-def test_the_lines_of_the_readme_run() -> None:
-    text = (Path(__file__).parents[2] / "README.md").read_text().split("## Learn a controller")[1]
+def test_the_lines_of_the_page_on_learning_run() -> None:
+    (text,) = (block.text for block in blocks_of(ROOT / "docs/learn.md") if block.file == "learn.py")
     lines: dict[str, Any] = {}
-    exec(text.split("```python")[1].split("```")[0], lines)
+    exec(text, lines)
     assert lines["observation"].shape == (20,)
     assert lines["envs"].reset()[0].shape == (256, 20)
     assert len(lines["fleet"].reset()[0]) == 10
