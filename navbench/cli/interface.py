@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from navbench.cli.composing import composing
 from navbench.cli.configuration import cell_of
+from navbench.cli.engine import where_of
 from navbench.cli.errors import one_line
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import run_plan
@@ -21,11 +22,11 @@ def run_to_table(overrides: Sequence[str], path: str | Path | None, config_dir: 
     try:
         with composing(config_dir) as composer:
             run = composer.values("run", overrides)
-            cell, workers = cell_of(run), run.values["workers"]
+            cell, where = cell_of(run), where_of(run.values)
     except Exception as error:  # Hydra composes with errors of many kinds
         raise DescriptionError(one_line(error)) from error
     with tempfile.TemporaryDirectory() as folder:
-        ran = run_plan(Plan(cells=(cell,)), Path(folder if path is None else path), workers)
+        ran = run_plan(Plan(cells=(cell,)), Path(folder if path is None else path), **where)
         if ran.finished < ran.planned:
             raise DescriptionError(f"{ran.finished} of {ran.planned} episodes are there: {'; '.join(ran.reasons)}")
         return ran.results.episodes()

@@ -1,5 +1,6 @@
 """A study's multiverse: its claims in many reconstructions of what its paper leaves open."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of w
   n=16384                                           how many reconstructions are drawn
   decide=1024                                       in how many each factor is moved alone, to see what decides
   seed=0                                            of all draws
+  engine=local                                      where to run: `navbench list engine`, and engine.KEY=VALUE
   workers=N                                         processes; default one a core; 0 for none, for a debugger
   tuned=DIR                                         the study's results, for what its tunings found
   out=DIR                                           where the reconstructions are kept; default outputs/multiverse/STUDY
@@ -28,7 +30,7 @@ The prior is written before the first reconstruction; the same command goes on w
 with more of them. What is found is written into results/STUDY/multiverse.
 """
 NUMBERS = {"n": 16384, "decide": 1024, "seed": 0}
-KEYS = (*NUMBERS, "workers", "tuned", "out")
+KEYS = (*NUMBERS, "tuned", "out", "engine", "workers")
 
 
 def multiverse(arguments: Sequence[str]) -> int:
@@ -38,13 +40,17 @@ def multiverse(arguments: Sequence[str]) -> int:
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["multiverse", *words.names])
         raise DescriptionError(f"{given}: name one study; {instead(given[11:], known, 'there are')}")
-    name, options = words.names[0], _options(words.overrides)
+    name = words.names[0]
+    placed = [word for word in words.overrides if re.match(r"(engine|workers)\b", word)]
+    options = _options([word for word in words.overrides if word not in placed])
+    from navbench.cli.engine import where
     from navbench.cli.prior import prior_of, reconstructions_of
     from navbench.cli.progress import complain, progress
     from navbench.cli.sampling import BLOCKS, blocks_of
     from navbench.experiments.engines import run
     from navbench.experiments.samples import Samples
 
+    chosen = where(placed, words.config_dir, "multiverse")
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
     samples = Samples(Path(options["out"] or f"outputs/multiverse/{name}"))
     of = reconstructions_of(name, tuned, words.config_dir)
@@ -56,7 +62,7 @@ def multiverse(arguments: Sequence[str]) -> int:
     total, done = sum(block.size for block in blocks), sum(block.size for block in blocks if block not in todo)
     try:
         with progress() as told:
-            for index, columns in run(BLOCKS, todo, "local", options["workers"]):
+            for index, columns in run(BLOCKS, todo, **chosen):
                 samples.write(todo[index].name, columns)
                 done += todo[index].size
                 told("reconstructions", done, total)
@@ -92,7 +98,7 @@ def _finish(of: "Reconstructions", samples: "Samples") -> int:
 def _options(overrides: Sequence[str]) -> dict[str, Any]:
     from navbench.cli.sampling import BLOCK, SCRAMBLES
 
-    options: dict[str, Any] = {**NUMBERS, "workers": None, "tuned": None, "out": None}
+    options: dict[str, Any] = {**NUMBERS, "tuned": None, "out": None}
     for word in overrides:
         key, _, value = word.partition("=")
         if key not in KEYS:

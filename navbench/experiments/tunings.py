@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass as described
 from navbench.contract import Controller, FloatArray
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell, digest
-from navbench.experiments.engines import Work, run
+from navbench.experiments.engines import Engine, Work, run
 from navbench.experiments.workers import Death, MachineError
 from navbench.metrics import declared
 from navbench.records import RobotRecord, TuningKey
@@ -228,6 +228,7 @@ def run_tuning(
     workers: int | None = 0,
     known: Sequence[Evaluation] = (),
     after: Callable[[TuningRecord], None] = lambda _: None,
+    engine: Engine | None = None,
 ) -> TuningRecord:
     """Run a tuning and return all that it evaluated; the same for any number of workers.
 
@@ -236,6 +237,7 @@ def run_tuning(
         workers: processes for the evaluations of a generation, as of ``engines.run``.
         known: its first evaluations, of an earlier call; whole generations of them are not evaluated again.
         after: called after each generation that was evaluated, with all so far.
+        engine: where the evaluations run, as of ``engines.run``.
 
     Raises:
         ValueError: a cost is not finite, or a repair leads out of the bounds.
@@ -243,7 +245,7 @@ def run_tuning(
     rng = np.random.default_rng(np.random.SeedSequence([tuning.seed]))
     evaluations: list[Evaluation] = []
     values = np.empty((0, len(tuning.dimensions)))
-    with _evaluator(tuning, workers) as evaluate:
+    with _evaluator(tuning, workers, engine) as evaluate:
         search = batches(tuning.tuner, tuning.dimensions, tuning.budget, rng, tuning.repair)
         batch = next(search)
         while True:
@@ -261,13 +263,16 @@ def run_tuning(
                 return TuningRecord(tuning.dimensions, ended.value.values, tuple(evaluations), ended.value.best_index)
 
 
-def checks_of(tuning: Tuning, record: TuningRecord, workers: int | None = 0) -> list[Check]:
+def checks_of(
+    tuning: Tuning, record: TuningRecord, workers: int | None = 0, engine: Engine | None = None
+) -> list[Check]:
     """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator.
 
     Args:
         tuning: what was searched.
         record: what it found.
         workers: processes, as of ``engines.run``.
+        engine: where, as of ``engines.run``.
     """
     checks = []
     fresh, fresh_in = (
@@ -278,7 +283,7 @@ def checks_of(tuning: Tuning, record: TuningRecord, workers: int | None = 0) -> 
         if cells:
             again = replace(tuning, cells=cells)
             where = cells[0].names.simulator, cells[0].first_episode, cells[0].episodes
-            with _evaluator(again, workers) as evaluate:
+            with _evaluator(again, workers, engine) as evaluate:
                 checks.append(Check(kind, *where, *evaluate(0, record.values[record.best_index][None, :])[0]))
     return checks
 
@@ -308,7 +313,9 @@ class _Driven(NamedTuple):
 
 
 @contextmanager
-def _evaluator(tuning: Tuning, workers: int | None) -> Iterator[Callable[[int, FloatArray], list[Evaluation]]]:
+def _evaluator(
+    tuning: Tuning, workers: int | None, engine: Engine | None
+) -> Iterator[Callable[[int, FloatArray], list[Evaluation]]]:
     """Give a function that evaluates a generation, here or in worker processes."""
     if workers == 0:
         with _runners(tuning) as runners:
@@ -316,9 +323,9 @@ def _evaluator(tuning: Tuning, workers: int | None) -> Iterator[Callable[[int, F
         return
 
     def evaluate(first: int, values: FloatArray) -> list[Evaluation]:
-        size = max(1, math.ceil(len(values) / (1 if workers == 1 else 4)))
+        size = max(1, math.ceil(len(values) / (1 if workers == 1 else max(4, workers or 0))))
         parts = [_Part(tuning, first + i, values[i : i + size]) for i in range(0, len(values), size)]
-        done = dict(run(EVALUATIONS, parts, workers=workers))
+        done = dict(run(EVALUATIONS, parts, engine, workers))
         return _evaluations(_join([done[i] for i in range(len(parts))]), first, len(values))
 
     yield evaluate
