@@ -47,4 +47,4 @@ def where(words: Sequence[str], config_dir: str | Path | None, verb: str) -> Whe
         if key_of(word).partition(".")[0] not in KEYS:
             raise DescriptionError(f"{word}: unknown key; {instead(key_of(word), KEYS, f'allowed with a {verb}')}")
     with composing(config_dir) as composer:
-        return where_of(composer.values("run", words))
+        return where_of(composer.values("run", words).values)

@@ -94,4 +94,4 @@ def kept() -> list[Worker]:
     return []
 
 
-Finalize(None, end_workers, exitpriority=1)  # before this process waits for them, also where it is itself a child
+Finalize(None, end_workers, exitpriority=1)  # for which this process would wait when it ends

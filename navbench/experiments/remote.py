@@ -9,6 +9,7 @@ import sys
 from contextlib import suppress
 from functools import cache
 from multiprocessing import current_process
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -78,7 +79,9 @@ def unpacked(answer: bytes | Death) -> Any:
 
 @cache
 def _crew(run: str) -> Crew:
-    return Crew([])
+    crew = Crew([])
+    Finalize(None, crew.end, exitpriority=1)  # for which this process would wait when it ends
+    return crew
 
 
 def _in_drivers_place(task: Packed) -> bytes:
