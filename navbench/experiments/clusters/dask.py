@@ -52,7 +52,7 @@ class _Dask:
     def __init__(self, client: Client) -> None:
         self._client = client
         self._run = uuid4().hex
-        self._numbers: dict[Future, int] = {}
+        self._numbers: dict[Future[Any], int] = {}
         self._done = as_completed()
 
     def send(self, tasks: Mapping[int, Task]) -> None:
@@ -88,12 +88,11 @@ def _client(address: str | None, workers: int | None) -> Client:
         workers = workers or os.cpu_count() or 1
         options = {"threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0, "silence_logs": "CRITICAL"}
         return Client(LocalCluster(n_workers=workers, **options))
+    said = "no dask scheduler answers there"
     try:
         client = Client(address, timeout=REACHED_S)
+        said = "the dask scheduler there has no worker"
         client.wait_for_workers(1, timeout=REACHED_S)
-    except TimeoutError as error:
-        said = "has no worker" if "workers" in str(error) else "no dask scheduler answers there"
+    except (OSError, ValueError):  # nobody listens, or that is no address
         raise DescriptionError(f"engine.address={address}: {said}") from None
-    except (OSError, ValueError) as error:
-        raise DescriptionError(f"engine.address={address}: {one_line(error)}") from None
     return client
