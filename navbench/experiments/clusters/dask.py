@@ -1,8 +1,9 @@
 """Dask: a cluster whose scheduler listens at an address, or one of this machine's processes."""
 
 import os
-from collections.abc import Mapping
-from contextlib import suppress
+import signal
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from typing import Any, ClassVar
 from uuid import uuid4
@@ -81,13 +82,27 @@ class _Dask:
             self._client.run(remote.stop, self._run, on_error="ignore")
 
 
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C, which is for this process alone, not reach those that begin meanwhile."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 @cache
 def _client(address: str | None, workers: int | None) -> Client:
     """Return a connection, which lasts as long as this process."""
     if address is None:
         workers = workers or os.cpu_count() or 1
         options = {"threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0, "silence_logs": "CRITICAL"}
-        return Client(LocalCluster(n_workers=workers, **options))
+        with _uninterrupted():
+            return Client(LocalCluster(n_workers=workers, **options))
     said = "no dask scheduler answers there"
     try:
         client = Client(address, timeout=REACHED_S)
