@@ -15,12 +15,17 @@ LINE_MAX = 60  # characters of a source line
 def one_line(error: BaseException) -> str:
     """Return what an exception says, shortened, and where it was raised, as ``own_line`` does."""
     kind = "" if isinstance(error, DescriptionError) else f"{type(error).__name__}: "
+    text = f"{kind}{said_by(error)}".strip()
+    return (text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "...") + own_line(error)
+
+
+def said_by(error: BaseException) -> str:
+    """Return what an exception says, as one line."""
     try:
         said = str(error)
     except BaseException as wrong:  # of a user's own __str__
         said = f"says nothing: its __str__ raises {type(wrong).__name__}"
-    text = storable(" ".join(f"{kind}{said}".split()))
-    return (text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "...") + own_line(error)
+    return storable(" ".join(said.split()))
 
 
 def storable(text: str) -> str:

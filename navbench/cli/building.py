@@ -14,8 +14,9 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
 from navbench.contract import AnyRing, Controller
+from navbench.episode.isolation import let_interrupt
 from navbench.importing import import_named
-from navbench.raised import one_line, own_line
+from navbench.raised import one_line, own_line, said_by
 from navbench.records import Names
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
@@ -104,7 +105,8 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
             thing = describe(maker.func, maker.keywords, "build")  # whose complaint is one line
         else:
             thing = maker()
-    except Exception as error:  # whatever a constructor says of its parameters
+    except BaseException as error:  # whatever a constructor says of its parameters
+        let_interrupt(error)
         raise DescriptionError(_complaint(error, key, maker)) from None
     if not all(hasattr(thing, method.split("(")[0]) for method in methods):
         target = f"{maker.func.__module__}.{getattr(maker.func, '__qualname__', maker.func)}"
@@ -126,7 +128,8 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         found = getattr(import_named(module), name)
     except DescriptionError as error:  # of a module that says itself what it needs
         raise DescriptionError(f"{complaint} {error}") from None
-    except Exception as error:  # a user's module may raise anything
+    except BaseException as error:  # a user's module may raise anything
+        let_interrupt(error)
         raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None
     lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
     if lacks or not callable(found):
@@ -192,10 +195,10 @@ def _check_type(key: str, hint: Any, value: Any) -> None:
         raise DescriptionError(f"{key}{place}={first['input']!r}: {allowed}") from None
 
 
-def _complaint(error: Exception, key: str, maker: partial[Any]) -> str:
+def _complaint(error: BaseException, key: str, maker: partial[Any]) -> str:
     """Return what a constructor says of its parameters, named by their places in the configuration."""
     own = getattr(maker.func, "__name__", "")
-    text = re.sub(rf"^({re.escape(own)}|{key.rpartition('.')[2]})(\.|: )", "", " ".join(str(error).split()))
+    text = re.sub(rf"^({re.escape(own)}|{key.rpartition('.')[2]})(\.|: )", "", said_by(error))
     if not isinstance(error, ValueError) or not text:
         text = f"{type(error).__name__}: {text}{own_line(error)}"
     about = re.match(r"\w*", text)

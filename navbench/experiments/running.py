@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 from navbench.experiments.cells import EPISODES, Batch, Cell, Records, digest
 from navbench.experiments.code import code_of, commit, roots_of
-from navbench.experiments.engines import LOCAL, Engine, Work, run
+from navbench.experiments.engines import LOCAL, Engine, Work, in_processes, run
+from navbench.experiments.evaluations import Evaluation
 from navbench.experiments.files import discard_empty, existing, locked
 from navbench.experiments.parts import DAMAGED
 from navbench.experiments.plan import Plan, Planned, around, batches_of_all
 from navbench.experiments.store import OTHERWISE, Results, batch_name, episodes_of, tuning_name, unfinished_name
-from navbench.experiments.tunings import Evaluation, Tuning, TuningRecord, checks_of, run_tuning
+from navbench.experiments.tunings import Tuning, TuningRecord, checks_of, run_tuning
 from navbench.experiments.workers import Death, MachineError
 from navbench.records import CellKey, TuningKey
 from navbench.validation import DescriptionError
@@ -324,9 +325,7 @@ class _Running:
         if todo:
             self.progress("episodes", finished, planned)
         reasons: dict[str, DescriptionError] = {}
-        with closing(
-            run(PARTS_OF_CELLS, todo, self.engine, self.workers)
-        ) as done:  # so that nothing is written any more
+        with closing(run(PARTS_OF_CELLS, todo, self.engine, self.workers)) as done:  # so that no more is written
             for index, ended in done:
                 part = todo[index]
                 if isinstance(ended, DescriptionError):
@@ -387,7 +386,14 @@ class _Running:
 
     def _write_descriptions(self, cells: Sequence[Cell]) -> None:
         """Write the tables that the cells' controllers offer of themselves, the first cell of each controller's."""
-        for name, cell in {cell.names.controller: cell for cell in reversed(cells)}.items():
-            if self.plan.study and hasattr(cell.controller, "describe"):
-                for part, table in cell.make_controller().describe().items():  # type: ignore[attr-defined]
+        first = {cell.names.controller: cell for cell in reversed(cells) if hasattr(cell.controller, "describe")}
+        if self.plan.study:
+            told = in_processes(_described, list(first.values()), self.workers)
+            for name, tables in zip(first, told, strict=True):
+                for part, table in tables.items():
                     self.results.write_description(f"{name}-{part}", table)
+
+
+def _described(cell: Cell) -> dict[str, Any]:
+    tables: dict[str, Any] = cell.make_controller().describe()  # type: ignore[attr-defined]
+    return tables

@@ -1,44 +1,55 @@
 """Timers: a step or an episode that takes too long ends its process, with a reason of its own."""
 
 import time
+from typing import NamedTuple
 
 import pytest
 
-from navbench.episode.timeout import Timeout
+from navbench.episode import timeout
 from navbench.experiments.engines import in_processes
 from navbench.validation import DescriptionError
 
 
-def _steps(how: tuple[float, int, float, float]) -> str:
-    """Take some steps with a limit, each with some CPU time and some waiting."""
-    limit_s, count, busy_s, waits_s = how
-    timeout = Timeout(limit_s)
-    timeout.episode()
-    for _ in range(count):
-        timeout.step()
-        end_s = time.process_time() + busy_s
+class Steps(NamedTuple):
+    """Some steps: the limit of each, how many, the CPU time and the waiting of each, and the other two limits."""
+
+    limit_s: float | None
+    taken: int
+    busy_s: float
+    waits_s: float
+    episode: float = 20.0
+    clock: float = 60.0
+
+
+def _take(steps: Steps) -> str:
+    timeout.EPISODE_STEPS, timeout.CLOCK_STEPS = steps.episode, steps.clock
+    limit = timeout.Timeout(steps.limit_s)
+    limit.episode()
+    for _ in range(steps.taken):
+        limit.step()
+        end_s = time.process_time() + steps.busy_s
         while time.process_time() < end_s:
             pass
-        time.sleep(waits_s)
+        time.sleep(steps.waits_s)
     return "done"
 
 
 @pytest.mark.parametrize(
-    ("how", "reason"),
+    ("steps", "reason"),
     [
-        ((0.1, 1, 60.0, 0.0), "a step took more CPU time than controller_timeout_s allows"),
-        ((0.1, 60, 0.05, 0.0), "an episode took more CPU time than controller_timeout_s allows"),
-        ((0.1, 1, 0.0, 60.0), "a step waited longer than controller_timeout_s allows"),
+        (Steps(0.3, 1, 60.0, 0.0), "a step took more CPU time than controller_timeout_s allows"),
+        (Steps(0.5, 60, 0.1, 0.0, episode=1.5), "an episode took more CPU time than controller_timeout_s allows"),
+        (Steps(0.3, 1, 0.0, 60.0, clock=1.0), "a step waited longer than controller_timeout_s allows"),
     ],
 )
-def test_what_takes_too_long_ends_with_a_reason(how: tuple[float, int, float, float], reason: str) -> None:
+def test_what_takes_too_long_ends_with_a_reason(steps: Steps, reason: str) -> None:
     with pytest.raises(DescriptionError, match=reason):
-        in_processes(_steps, [how])
+        in_processes(_take, [steps], workers=1)
 
 
-def test_steps_that_are_quick_enough_go_on_for_as_long_as_they_like_by_the_clock() -> None:
-    assert in_processes(_steps, [(0.1, 15, 0.0, 0.1)]) == ["done"]
+def test_many_steps_may_take_longer_than_one() -> None:
+    assert in_processes(_take, [Steps(0.5, 8, 0.1, 0.2, clock=2.0)], workers=1) == ["done"]
 
 
 def test_timers_do_not_outlive_their_batch() -> None:
-    assert in_processes(_steps, [(0.05, 1, 0.0, 0.0), (None, 1, 1.0, 0.0)], workers=1) == ["done", "done"]
+    assert in_processes(_take, [Steps(0.2, 1, 0.0, 0.0), Steps(None, 1, 0.5, 0.0)], workers=1) == ["done", "done"]

@@ -72,8 +72,8 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user's folder with a controller that misbehaves."""
     (tmp_path / "misbehaving.py").write_text(CODE)
     (tmp_path / "conf/controller").mkdir(parents=True)
-    yaml = "# Misbehaves\nbuild: {_target_: misbehaving.Mine, how: nothing, where: act, gain: 0.0}\n"
-    yaml += "tunable: {gain: {low: 0.1, high: 1.0}}\n"
+    yaml = "# Misbehaves\nbuild: {_target_: misbehaving.Mine, how: nothing, where: act, gain: 0.2}\n"
+    yaml += "tunable: {gain: {low: 0.1, high: 1.0, scale: linear}}\n"
     (tmp_path / "conf/controller/mine.yaml").write_text(yaml)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
@@ -177,7 +177,7 @@ def test_a_fork_does_not_go_on_with_the_episode(own: Path) -> None:
 
 TUNED = (
     *("controller=mine", "world=empty", "world.time_limit_s=0.1", "episodes=2", "start_jitter_m=0.01"),
-    *("tuner=random", "budget=8", "objective=weighted", "verify=null", "controller.build.where=large gain"),
+    *("tuner=random", "budget=10", "objective=weighted", "verify=null", "controller.build.where=large gain"),
 )
 
 
