@@ -42,7 +42,7 @@ def test_without_sbatch_it_is_said_that_jobs_run_here(
     [
         ("engine.time_min=0", "engine.time_min=0: must be greater than or equal to 1"),
         ("engine.mem_gb=0", "engine.mem_gb=0: must be greater than 0"),
-        ("engine.memory=3", "engine.memory: unknown key; did you mean mem_gb? allowed here: "),
+        ("engine.memory=3", "engine.memory: unknown key; allowed here: _target_, partition, time_min, mem_gb, folder"),
     ],
 )
 def test_a_wrong_option_of_a_job_is_refused(command: Command, word: str, said: str) -> None:
