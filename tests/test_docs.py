@@ -71,6 +71,9 @@ def test_hardly_any_command_is_left_out() -> None:
         "source .venv/bin/activate",
         "make run",
         "make test",
+        "navbench study aouf2019 engine=dask workers=4",
+        "navbench study aouf2019 engine=dask engine.address=tcp://head:8786",
+        "navbench study aouf2019 engine=slurm engine.partition=cpu engine.time_min=30 engine.mem_gb=2 workers=100",
         "docker build --tag navbench --file containers/Dockerfile .",
         'docker run --rm --read-only --tmpfs /tmp --user "$(id -u):$(id -g)" --volume "$PWD:/work" navbench '
         "controller=sflc world=deadlock",

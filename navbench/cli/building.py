@@ -106,7 +106,7 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
     """Return what a maker makes; arguments and errors as ``maker_of``."""
     try:
         if inspect.isclass(maker.func) and is_pydantic_dataclass(maker.func):
-            thing = describe(maker.func, maker.keywords, "build")  # whose complaint is one line
+            thing = describe(maker.func, maker.keywords, key.rpartition(".")[2])  # whose complaint is one line
         else:
             thing = maker()
     except BaseException as error:  # whatever a constructor says of its parameters

@@ -14,7 +14,7 @@ from navbench.validation import DescriptionError
 CONF = Path(navbench.conf.__file__).parent
 
 GROUPS = ("controller", "world", "robot", "sensors", "simulator")  # of a run
-LISTED = (*GROUPS, "tuner", "objective", "study")
+LISTED = (*GROUPS, "engine", "tuner", "objective", "study")
 
 
 def groups_in(folders: Sequence[Path]) -> list[str]:

@@ -110,12 +110,10 @@ def cell_of(run: Composed, makers: Mapping[str, Callable[..., Controller]] = NON
 
 def _check_numbers(values: Mapping[str, Any]) -> None:
     """Check the numbers beside the groups."""
-    most = {"episodes": (1, EPISODES_MAX), "workers": (0, float("inf")), "seed": (0, SEED_MAX)}
-    most["episode"] = (0, EPISODES_MAX)
+    most = {"episodes": (1, EPISODES_MAX), "episode": (0, EPISODES_MAX), "seed": (0, SEED_MAX)}
     for key, (low, high) in most.items():
         if values[key] is not None and not low <= values[key] <= high:
-            allowed = f"at least {low}" if high == float("inf") else f"from {low} to {high}"
-            raise DescriptionError(f"{key}={values[key]}: must be {allowed}")
+            raise DescriptionError(f"{key}={values[key]}: must be from {low} to {high}")
     timeout_s = values["controller_timeout_s"]
     if timeout_s is not None and not 0.0 < timeout_s < float("inf"):
         raise DescriptionError(f"controller_timeout_s={timeout_s}: must be a finite number above 0, or null for any")

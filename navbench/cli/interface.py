@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 from navbench.cli.check import UNLESS_GIVEN
 from navbench.cli.composing import composing, key_of
 from navbench.cli.configuration import cell_of
+from navbench.cli.engine import Where, where_of
 from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
 from navbench.cli.given import AnyController, AnyRobot, AnySensors, AnyWorld, Values, given_words
 from navbench.cli.result import Result
@@ -33,12 +34,12 @@ class Asked(NamedTuple):
     Attributes:
         cells: to be run.
         wrong: why others of a sweep cannot be run.
-        workers: processes; None for one a core.
+        where: an engine and how many workers.
     """
 
     cells: list[Cell]
     wrong: list[str]
-    workers: int | None
+    where: Where
 
 
 def run(
@@ -218,7 +219,7 @@ def cells_of(
             wrong.append(f"cell {index}: {error}")
     if not cells:
         raise DescriptionError(wrong[0])
-    return Asked(cells, wrong, composed[0].values["workers"])
+    return Asked(cells, wrong, where_of(composed[0].values))
 
 
 def _carried_out(asked: Asked, dir: str | Path | None, progress: Progress, **kept: Any) -> Result:
@@ -228,7 +229,7 @@ def _carried_out(asked: Asked, dir: str | Path | None, progress: Progress, **kep
     if path.exists() and not path.is_dir():
         raise DescriptionError(f"{path}: is a file; results need a directory")
     with RUNNING:
-        ran = run_plan(Plan(cells=tuple(asked.cells)), path, asked.workers, progress=progress, **kept)
+        ran = run_plan(Plan(cells=tuple(asked.cells)), path, **asked.where, progress=progress, **kept)
         if own is None:
             write_tables(Results(path))
     return Result(path, (*asked.wrong, *ran.reasons), own)

@@ -25,7 +25,7 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
   navbench show DIR [episode=K]                     draw one episode: by default the first in which a robot failed
   navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
   navbench replay DIR [episode=K] [--video FILE]    play one episode in a window, or write it as a video
-  navbench list [controller|world|robot|sensors|simulator|tuner|objective|study]
+  navbench list [controller|world|robot|sensors|simulator|engine|tuner|objective|study]
                                                     what there is, a line each
   navbench new controller|world|robot|sensors|study NAME
                                                     write a template of your own, which runs, with a test
@@ -43,6 +43,7 @@ keys of a run or sweep
   controller_timeout_s=X                            CPU time that a step of a controller may take; default 60
   hydra.run.dir=DIR hydra.sweep.dir=DIR             where the results go; default outputs/DATE/TIME-...; what an
                                                     earlier call with the same words finished there is kept
+  engine=local|dask|ray|slurm engine.KEY=VALUE      where they run: `navbench list engine`
   resume=other-code                                 keep it even where code that makes results has changed since
   --overwrite                                       remove finished parts that are there and not of this work; without
                                                     it such a directory is refused

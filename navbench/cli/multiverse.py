@@ -1,7 +1,8 @@
 """A study's multiverse: its claims in many reconstructions of what its paper leaves open."""
 
+import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of w
   decide=1024                                       in how many each factor is moved alone, to see what decides
   search=320                                        evaluations of each search for where printed numbers hold together
   seed=0                                            of all draws
+  engine=local                                      where to run: `navbench list engine`, and engine.KEY=VALUE
   workers=N                                         processes; default one a core; 0 for none, for a debugger
   tuned=DIR                                         the study's results, for what its tunings found
   out=DIR                                           where the reconstructions are kept; default outputs/multiverse/STUDY
@@ -29,7 +31,7 @@ The prior is written before the first reconstruction; the same command goes on w
 with more of them. What is found is written into results/STUDY/multiverse.
 """
 NUMBERS = {"n": 16384, "decide": 1024, "search": 320, "seed": 0}
-KEYS = (*NUMBERS, "workers", "tuned", "out")
+KEYS = (*NUMBERS, "tuned", "out", "engine", "workers")
 
 
 def multiverse(arguments: Sequence[str]) -> int:
@@ -39,7 +41,10 @@ def multiverse(arguments: Sequence[str]) -> int:
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["multiverse", *words.names])
         raise DescriptionError(f"{given}: name one study; {instead(given[11:], known, 'there are')}")
-    name, options = words.names[0], _options(words.overrides)
+    name = words.names[0]
+    placed = [word for word in words.overrides if re.match(r"(engine|workers)\b", word)]
+    options = _options([word for word in words.overrides if word not in placed])
+    from navbench.cli.engine import where
     from navbench.cli.prior import prior_of, reconstructions_of
     from navbench.cli.progress import complain, progress
     from navbench.cli.sampling import BLOCKS, blocks_of
@@ -47,6 +52,7 @@ def multiverse(arguments: Sequence[str]) -> int:
     from navbench.experiments.files import locked
     from navbench.experiments.samples import Samples
 
+    chosen = where(placed, words.config_dir, "multiverse")
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
     samples = Samples(Path(options["out"] or f"outputs/multiverse/{name}"))
     of = reconstructions_of(name, tuned, words.config_dir)
@@ -61,11 +67,11 @@ def multiverse(arguments: Sequence[str]) -> int:
                 complain(f"{file}: damaged, and made anew")
             todo = [block for block in blocks if not samples.has(block.name)]
             done -= sum(block.size for block in todo)
-            for index, columns in run(BLOCKS, todo, "local", options["workers"]):
+            for index, columns in run(BLOCKS, todo, **chosen):
                 samples.write(todo[index].name, columns)
                 done += todo[index].size
                 told("reconstructions", done, total)
-            files = _finish(of, samples, options, told)
+            files = _finish(of, samples, options["search"], chosen["workers"], told)
     except KeyboardInterrupt:
         again = shlex.join(["navbench", "multiverse", *arguments])
         complain(f"interrupted after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
@@ -75,7 +81,11 @@ def multiverse(arguments: Sequence[str]) -> int:
 
 
 def _finish(
-    of: "Reconstructions", samples: "Samples", options: Mapping[str, Any], progress: Callable[[str, int, int], None]
+    of: "Reconstructions",
+    samples: "Samples",
+    budget: int,
+    workers: int | None,
+    progress: Callable[[str, int, int], None],
 ) -> list[Path]:
     """Write what the reconstructions say, and return the files of the report."""
     from navbench.analysis.fitting import fit, in_sample
@@ -90,10 +100,7 @@ def _finish(
     if rows.empty:
         raise DescriptionError(f"{samples.path}: not every scramble has a reconstruction yet")
     drawn = Drawn(rows, places(prior["seed"], len(of.names), rows), of.names, of.reaches, samples.even(MOVED))
-    budget = options["search"]
-    searches = Searches(
-        of, drawn, samples, seed=prior["seed"], evaluations=budget, workers=options["workers"], told=progress
-    )
+    searches = Searches(of, drawn, samples, seed=prior["seed"], evaluations=budget, workers=workers, told=progress)
     best = fit(searches.claims, searches.meet if budget and searches.free else in_sample(drawn))
     out = Path("results") / name
     claims = read_claims(out / "claims.csv")
@@ -112,7 +119,7 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
     from navbench.cli.sampling import BLOCK, SCRAMBLES
     from navbench.cli.searching import POPULATION
 
-    options: dict[str, Any] = {**NUMBERS, "workers": None, "tuned": None, "out": None}
+    options: dict[str, Any] = {**NUMBERS, "tuned": None, "out": None}
     for word in overrides:
         key, _, value = word.partition("=")
         if key not in KEYS:

@@ -27,6 +27,7 @@ def run(arguments: Sequence[str]) -> int:
         start([*DRIVING, *(DRAWING if words.multirun else ())])  # while this process imports and composes
     from navbench.cli.composing import composing
     from navbench.cli.configuration import cell_of
+    from navbench.cli.engine import where_of
     from navbench.cli.flow import carry_out
     from navbench.cli.tables import print_tables
     from navbench.experiments.plan import Plan
@@ -37,6 +38,7 @@ def run(arguments: Sequence[str]) -> int:
             return 0
         composing_them, path = composer.command("run", words.overrides, sweep=words.multirun)
         first = next(composing_them)
+        where = where_of(first.values)
         composed = [first, *composing_them]
     cells: list[Cell] = []
     wrong: dict[str, int] = {}
@@ -52,7 +54,5 @@ def run(arguments: Sequence[str]) -> int:
     if not cells:
         return 2
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
-    workers = first.values["workers"]
-    options = {"workers": workers, **words.kept}
-    finish = partial(print_tables, each=partial(in_processes, workers=workers if words.multirun else 0))
-    return carry_out(Plan(cells=tuple(cells)), path, again, finish, sum(wrong.values()), **options)
+    finish = partial(print_tables, each=partial(in_processes, workers=where["workers"] if words.multirun else 0))
+    return carry_out(Plan(cells=tuple(cells)), path, again, finish, sum(wrong.values()), **where, **words.kept)

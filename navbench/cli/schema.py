@@ -25,6 +25,7 @@ class Run:
     robot: Any = omegaconf.MISSING
     sensors: Any = omegaconf.MISSING
     simulator: Any = omegaconf.MISSING
+    engine: Any = omegaconf.MISSING
     episodes: int = omegaconf.MISSING
     episode: int | None = omegaconf.MISSING
     seed: int = omegaconf.MISSING

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from navbench.cli.catalogue import CONF, files_of
 from navbench.cli.words import sort_words
@@ -12,7 +11,7 @@ from navbench.validation import DescriptionError, instead
 HELP = """navbench study NAME: run what is missing of a study into outputs/study/NAME, and write results/NAME/report.md
 and report.html
 
-  engine=local                                      where to run
+  engine=local                                      where to run: `navbench list engine`, and engine.KEY=VALUE
   workers=N                                         processes; default one a core; 0 for none, for a debugger
   reconstruction=best                               as the best reconstruction of its multiverse has it, which is fitted
                                                     to the printed numbers, into results/NAME/best
@@ -22,7 +21,7 @@ and report.html
 
 The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
 """
-KEYS = ("engine", "workers", "reconstruction")
+BEST = "reconstruction=best"
 
 
 def study(arguments: Sequence[str]) -> int:
@@ -32,7 +31,11 @@ def study(arguments: Sequence[str]) -> int:
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["study", *words.names])
         raise DescriptionError(f"{given}: name one study; {instead(given[6:], known, 'there are')}")
-    options = _options(words.overrides)
+    for word in words.overrides:
+        if word.startswith("reconstruction=") and word != BEST:
+            raise DescriptionError(f"{word}: {instead(word.partition('=')[2], ['best'])}")
+    best = "best" if BEST in words.overrides else ""
+    from navbench.cli.engine import where
     from navbench.cli.flow import carry_out
     from navbench.cli.rebuilding import fitted
     from navbench.cli.report import print_written
@@ -41,32 +44,14 @@ def study(arguments: Sequence[str]) -> int:
     from navbench.experiments.store import Results
     from navbench.report.reports import write_report
 
-    name, best = words.names[0], options.pop("reconstruction")
-    out = Path("results") / name / (best or "")
+    name, chosen = words.names[0], where([word for word in words.overrides if word != BEST], words.config_dir, "study")
+    out = Path("results") / name / best
 
     def finish(results: Results) -> int:
-        each = partial(in_processes, **options)
+        each = partial(in_processes, workers=chosen["workers"])
         return print_written(write_report([results], out, each, trust=True))
 
     plan, path = compose_study(name, words.config_dir), Path("outputs/study") / "-".join(filter(None, (name, best)))
     if best:
         plan = fitted(plan, Path("results") / name / "multiverse" / "best.json", words.config_dir)
-    return carry_out(plan, path, ["study", *arguments], finish, **words.kept, **options)
-
-
-def _options(overrides: Sequence[str]) -> dict[str, Any]:
-    from navbench.experiments.engines import ENGINES
-
-    options: dict[str, Any] = {"engine": "local", "workers": None, "reconstruction": None}
-    for word in overrides:
-        key, _, value = word.partition("=")
-        if key not in KEYS:
-            raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with a study')}")
-        if key == "engine" and value not in ENGINES:
-            raise DescriptionError(f"engine={value}: unknown choice; {instead(value, ENGINES)}")
-        if key == "reconstruction" and value != "best":
-            raise DescriptionError(f"{word}: {instead(value, ['best'])}")
-        if key == "workers" and not value.isdecimal():
-            raise DescriptionError(f"workers={value}: must be a whole number of at least 0")
-        options[key] = int(value) if key == "workers" else value
-    return options
+    return carry_out(plan, path, ["study", *arguments], finish, **words.kept, **chosen)

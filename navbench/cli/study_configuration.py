@@ -16,6 +16,7 @@ from navbench.cli.building import made
 from navbench.cli.catalogue import CONF
 from navbench.cli.composing import Composed, Composer, combinations, composing, key_of
 from navbench.cli.configuration import cell_of, without
+from navbench.cli.engine import Where, where_of
 from navbench.cli.errors import one_line
 from navbench.cli.progress import complain
 from navbench.cli.references import check_chosen, check_references
@@ -32,7 +33,7 @@ Words = tuple[str, ...]
 
 TUNER = ("population", "generations(space, rng)")
 REPAIR = ("__call__(values)",)
-OF_A_TUNING = "tuner objective budget name world worlds verify workers hydra".split()  # not of its cells
+OF_A_TUNING = "tuner objective budget name world worlds verify engine workers hydra".split()  # not of its cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -116,8 +117,8 @@ class StudyFile:
     report: tuple[Mapping[str, Any] | str, ...] = ()
 
 
-def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = None) -> tuple[Tuning, Path, int | None]:
-    """Return the tuning that the command line's words describe, where its results go, and with how many workers.
+def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = None) -> tuple[Tuning, Path, Where]:
+    """Return the tuning that the command line's words describe, where its results go, and where it runs.
 
     Raises:
         HydraException: an unknown choice or key.
@@ -125,7 +126,7 @@ def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = Non
     """
     with composing(config_dir) as composer:
         (composed,), path = composer.command("tune", overrides)
-        return tuning_of(composed, overrides, composer), path, composed.values["workers"]
+        return tuning_of(composed, overrides, composer), path, where_of(composed.values)
 
 
 def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:

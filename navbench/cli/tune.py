@@ -23,7 +23,7 @@ HELP = """navbench tune controller=NAME tuner=NAME [...]: search a controller's 
   --overwrite                                       remove finished parts that are there and not of this tuning
   --cfg job                                         print the composed configuration and run nothing
 
-and the keys of a run (`navbench --help`): episodes, seed, start_jitter_m, workers, hydra.run.dir, --config-dir, ...
+and the keys of a run (`navbench --help`): episodes, seed, start_jitter_m, workers, engine, hydra.run.dir, ...
 The same command with the same hydra.run.dir goes on where an earlier one was stopped, after its last generation.
 """
 SHOWN_MAX = 20  # parameters; of more, a screen shows no better than the file
@@ -48,7 +48,7 @@ def tune(arguments: Sequence[str]) -> int:
         with composing(words.config_dir) as composer:
             print(composer.text("tune", words.overrides), end="")
         return 0
-    tuning, path, workers = compose_tuning(words.overrides, words.config_dir)
+    tuning, path, where = compose_tuning(words.overrides, words.config_dir)
 
     def finish(results: Results) -> None:
         save_convergence(results, path / "convergence.png")
@@ -73,7 +73,7 @@ def tune(arguments: Sequence[str]) -> int:
     }
     plan = Plan(cells=(*untuned, *tuned), tunings=(tuning,), study=content)
     again = ["tune", *arguments, *words.place("hydra.run.dir", path)]
-    return carry_out(plan, path, again, finish, workers=workers, **words.kept)
+    return carry_out(plan, path, again, finish, **where, **words.kept)
 
 
 def _use(file: Path, inherited: str, config_dir: str | None) -> str:

@@ -11,7 +11,9 @@ from navbench.experiments.cells import leaves_below
 from navbench.experiments.store import write_table
 from navbench.experiments.tunings import Tuning
 
-TOLD = "controller tuner objective simulator world worlds budget seed name workers verify".split()  # or of no matter
+TOLD = (
+    "controller tuner objective simulator world worlds budget seed name engine workers verify".split()
+)  # or of no matter
 
 
 def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, overrides: Sequence[str] = ()) -> Path:

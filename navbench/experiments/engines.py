@@ -1,21 +1,27 @@
-"""Where work runs: one generator hides whether a batch runs here or in another process, and what happens to it there.
+"""Where work runs: one generator hides whether a batch runs here, in another process or on another machine.
 
 The pieces of a batch whose process dies are run again singly, each in a process of its own, so that only the piece that
 kills is lost, and the rest of the work goes on. A batch whose process was killed from outside is tried again later.
 """
 
-import atexit
 import os
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import suppress
-from functools import cache
+import sys
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
 from multiprocessing import current_process
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
-from navbench.experiments.workers import Death, Worker, place, start_server
-from navbench.validation import DescriptionError
+from pydantic.dataclasses import dataclass as described
+
+from navbench.experiments.crew import Crew, Task, kept
+from navbench.experiments.workers import Death, start_server
+from navbench.validation import STRICT, DescriptionError
 
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
@@ -39,29 +45,72 @@ class Work(NamedTuple, Generic[Batch, Result]):
     join: Callable[[Sequence[Result]], Result]
 
 
+class Cluster(Protocol):
+    """Does tasks, somewhere.
+
+    Attributes:
+        limit: how many it takes before the first is done.
+    """
+
+    limit: int
+
+    def send(self, tasks: Mapping[int, Task]) -> None:
+        """Begin with some tasks, each under a number of its own."""
+
+    def next(self) -> tuple[int, Any]:
+        """Wait for any task to end; return its number, and what it came to or the ``Death`` of its process.
+
+        Raises:
+            DescriptionError: the cluster cannot do it.
+            Exception: whatever the task raises.
+        """
+
+    def stop(self) -> None:
+        """End what is under way and forget what is not; nothing is written any more."""
+
+
+class Engine(Protocol):
+    """The configuration of where work runs.
+
+    Attributes:
+        shares_files: whether its processes write into the driver's directories.
+    """
+
+    shares_files: ClassVar[bool]
+
+    def open(self, workers: int | None) -> Cluster:
+        """Return what does tasks, ready; a second call makes use of what the first one started.
+
+        Args:
+            workers: how many at a time; None for as many as the engine thinks fit.
+
+        Raises:
+            DescriptionError: it cannot be reached, and how it was tried.
+        """
+
+
 def run(
-    work: Work[Batch, Result], batches: Sequence[Batch], engine: str = "local", workers: int | None = None
+    work: Work[Batch, Result], batches: Sequence[Batch], engine: Engine | None = None, workers: int | None = None
 ) -> Generator[tuple[int, Result], None, None]:
     """Run the work on each batch and yield (index of the batch, result) as they finish, in any order.
 
     Args:
         work: what to do.
         batches: what to do it on.
-        engine: where: "local", this machine's cores.
-        workers: processes, no more than there are batches; None for one a core; 0 does all in this process, as does a
-            process that may have no others, such as those of ``multiprocessing.Pool``.
+        engine: where; None for this machine's cores.
+        workers: processes; None for one a core; 0 does all in this process, as does a process that may have no others,
+            such as those of ``multiprocessing.Pool``.
 
     Raises:
-        ValueError: there is no such engine.
+        DescriptionError: the engine cannot be reached.
         Exception: whatever the work raises; what finished before has been yielded.
     """
-    if engine not in ENGINES:
-        raise ValueError(f"engine={engine}: there is no such engine; allowed: {', '.join(ENGINES)}")
     if workers == 0 or current_process().daemon:
         for index, batch in enumerate(batches):
             yield index, work.do(batch)
-    else:
-        yield from ENGINES[engine](work, batches, min(workers or os.cpu_count() or 1, len(batches)))
+    elif batches:
+        with _stopping((engine or LOCAL).open(workers)) as cluster:
+            yield from _run_on(cluster, work, batches)
 
 
 def start(modules: Sequence[str]) -> None:
@@ -75,15 +124,12 @@ def start(modules: Sequence[str]) -> None:
     thread.join()
 
 
-def in_processes(
-    do: Callable[[Batch], Result], items: Sequence[Batch], engine: str = "local", workers: int | None = None
-) -> list[Result]:
-    """Return what ``do`` makes of each item, in order, as ``map`` does, but from several processes.
+def in_processes(do: Callable[[Batch], Result], items: Sequence[Batch], workers: int | None = None) -> list[Result]:
+    """Return what ``do`` makes of each item, in order, as ``map`` does, but from several processes of this machine.
 
     Args:
         do: what to do; it and the items can be sent to another process.
         items: what to do it on.
-        engine: where, as in ``run``.
         workers: processes, as in ``run``.
 
     Raises:
@@ -95,118 +141,105 @@ def in_processes(
         raise DescriptionError(f"{death.reason}, at its work on {str(item)[:100]}")
 
     work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0])
-    done = dict(run(work, items, engine, workers))
+    done = dict(run(work, items, workers=workers))
     return [done[index] for index in range(len(items))]
 
 
-def _run_locally(work: Work[Batch, Result], batches: Sequence[Batch], workers: int) -> Iterator[tuple[int, Result]]:
-    """Run batches in worker processes of this machine, each of which a thread looks after."""
-    todo: SimpleQueue[tuple[int, int]] = SimpleQueue()
-    done: SimpleQueue[tuple[int, Result, BaseException | None]] = SimpleQueue()
-    keepers = [_Keeper(work, batches, todo, done) for _ in range(workers)]
-    for index in range(len(batches)):
-        todo.put((index, TRIES))
+@contextmanager
+def _stopping(cluster: Cluster) -> Iterator[Cluster]:
     try:
-        for keeper in keepers:
-            keeper.start()
-        for _ in batches:
-            index, result, error = done.get()
-            if error is not None:
-                raise error
-            yield index, result
+        yield cluster
     finally:  # also at an interrupt, an error of the work, or when the caller wants no more
-        for keeper in keepers:
-            keeper.stop()
+        cluster.stop()
 
 
-class _Keeper(Thread):
-    """Has a worker do batches that nobody has begun, one after another."""
+@dataclass(slots=True)
+class _Turn:
+    """A batch, or a piece of one, whose turn comes.
 
-    def __init__(self, work: Work[Any, Any], batches: Sequence[Any], todo: SimpleQueue[Any], done: Any) -> None:
-        super().__init__(daemon=True)
-        self._work, self._batches, self._todo, self._done = work, batches, todo, done
-        self._worker: Worker | None = None
-        self._stopped = False
+    Attributes:
+        index: that of the batch.
+        batch: what is done.
+        place: which piece it is; None for the whole batch.
+        of: of how many pieces.
+        tries: how often it may still be tried.
+    """
 
-    def run(self) -> None:
-        """Do batches until none is left."""
-        with suppress(Empty):
-            while not self._stopped:
-                index, tries = self._todo.get_nowait()
-                try:
-                    self._try(index, tries)
-                except BaseException as error:  # of the work; it is raised where results are awaited
-                    self._done.put((index, None, error))
+    index: int
+    batch: Any
+    place: int | None = None
+    of: int = 1
+    tries: int = TRIES
+
+
+def _run_on(cluster: Cluster, work: Work[Any, Any], batches: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    todo = deque(_Turn(index, batch) for index, batch in enumerate(batches))
+    under_way: dict[int, _Turn] = {}
+    pieces: dict[int, dict[int, Any]] = {}  # what those of a batch came to, by batch and place
+    numbers = count()
+    while todo or under_way:
+        turns = {next(numbers): todo.popleft() for _ in range(min(cluster.limit - len(under_way), len(todo)))}
+        under_way |= turns
+        if turns:
+            cluster.send({i: Task(work.do, turn.batch, turn.place is not None) for i, turn in turns.items()})
+        number, result = cluster.next()
+        turn = under_way.pop(number)
+        if isinstance(result, Death):
+            turn.tries -= result.by_machine
+            if result.by_machine and turn.tries:
+                todo.append(turn)
+                continue
+            if not result.by_machine and turn.place is None:
+                cut = work.pieces(turn.batch)
+                todo.extend(_Turn(turn.index, piece, place, len(cut)) for place, piece in enumerate(cut))
+                continue
+            result = work.lost(turn.batch, result)
+        if turn.place is None:
+            yield turn.index, result
+            continue
+        done = pieces.setdefault(turn.index, {})
+        done[turn.place] = result
+        if len(done) == turn.of:
+            yield turn.index, work.join([done[place] for place in range(turn.of)])
+
+
+class _Threads:
+    """This machine's worker processes, each of which a thread looks after."""
+
+    limit = sys.maxsize
+
+    def __init__(self, workers: int) -> None:
+        self._threads = ThreadPoolExecutor(workers)
+        self._crew = Crew(kept())
+        self._done: SimpleQueue[tuple[int, Future[Any]]] = SimpleQueue()
+
+    def send(self, tasks: Mapping[int, Task]) -> None:
+        """Begin with some tasks."""
+        for number, task in tasks.items():
+            future = self._threads.submit(self._crew.do, task)
+            future.add_done_callback(lambda done, number=number: self._done.put((number, done)))  # type: ignore[misc]
+
+    def next(self) -> tuple[int, Any]:
+        """Wait for any task to end."""
+        number, done = self._done.get()
+        return number, done.result()
 
     def stop(self) -> None:
-        """Do no more: what is under way is ended, and nothing of it is written any more."""
-        self._stopped = True
-        if self._worker is not None:
-            self._worker.kill()
-        if self.is_alive():
-            self.join()
-
-    def _try(self, index: int, tries: int) -> None:
-        """Do a batch, or have it tried again later."""
-        batch, worker = self._batches[index], _worker()
-        try:
-            result = self._do(worker, batch)
-        finally:
-            _idle().append(worker)
-        if isinstance(result, Death):
-            if result.by_machine and tries > 1:
-                self._todo.put((index, tries - 1))
-                return
-            if result.by_machine:
-                result = self._work.lost(batch, result)
-            else:
-                result = self._work.join([self._alone(piece) for piece in self._work.pieces(batch)])
-        self._done.put((index, result, None))
-
-    def _alone(self, piece: Any) -> Any:
-        """Return what a piece comes to in a process of its own."""
-        for _ in range(TRIES):
-            worker = Worker()
-            try:
-                result = self._do(worker, piece)
-            finally:
-                worker.kill()
-            if not (isinstance(result, Death) and result.by_machine):
-                break
-        return self._work.lost(piece, result) if isinstance(result, Death) else result
-
-    def _do(self, worker: Worker, batch: Any) -> Any:
-        self._worker = worker
-        if self._stopped:
-            raise InterruptedError
-        try:
-            return worker.do(self._work.do, batch)
-        finally:
-            self._worker = None
+        """End what is under way."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._crew.stop()
+        self._threads.shutdown()
 
 
-def _worker() -> Worker:
-    """Return a worker that has nothing to do, or a new one."""
-    with suppress(IndexError):
-        while True:
-            worker = _idle().pop()
-            if worker.alive and worker.place == place():
-                return worker
-            worker.kill()
-    return Worker()
+@described(frozen=True, slots=True, kw_only=True, config=STRICT)
+class Local:
+    """This machine's cores."""
+
+    shares_files: ClassVar[bool] = True
+
+    def open(self, workers: int | None) -> Cluster:
+        """Return what does tasks with so many workers, one a core by default."""
+        return _Threads(workers or os.cpu_count() or 1)
 
 
-@cache
-def _idle() -> list[Worker]:
-    """Return the list of workers that have nothing to do; they are kept for the next call."""
-    return []
-
-
-@atexit.register
-def end_workers() -> None:
-    """End the workers that have nothing to do."""
-    while _idle():
-        _idle().pop().kill()
-
-
-ENGINES: dict[str, Callable[[Any, Any, int], Iterator[tuple[int, Any]]]] = {"local": _run_locally}
+LOCAL = Local()

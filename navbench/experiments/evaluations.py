@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from navbench.contract import Controller, FloatArray
 from navbench.episode.loop import EpisodeRunner
-from navbench.experiments.engines import Work, run
+from navbench.experiments.engines import Engine, Work, run
 from navbench.experiments.workers import Death, MachineError
 from navbench.records import NOT_DRIVEN, RobotRecord
 
@@ -54,7 +54,9 @@ class _Driven(NamedTuple):
 
 
 @contextmanager
-def evaluator(tuning: "Tuning", workers: int | None) -> Iterator[Callable[[int, FloatArray], list[Evaluation]]]:
+def evaluator(
+    tuning: "Tuning", workers: int | None, engine: Engine | None = None
+) -> Iterator[Callable[[int, FloatArray], list[Evaluation]]]:
     """Give a function that evaluates a generation, here or in worker processes."""
     if workers == 0:
         with _runners(tuning) as runners:
@@ -62,9 +64,9 @@ def evaluator(tuning: "Tuning", workers: int | None) -> Iterator[Callable[[int, 
         return
 
     def evaluate(first: int, values: FloatArray) -> list[Evaluation]:
-        size = max(1, math.ceil(len(values) / (1 if workers == 1 else 4)))
+        size = max(1, math.ceil(len(values) / (1 if workers == 1 else max(4, workers or 0))))
         parts = [_Part(tuning, first + i, values[i : i + size]) for i in range(0, len(values), size)]
-        done = dict(run(EVALUATIONS, parts, workers=workers))
+        done = dict(run(EVALUATIONS, parts, engine, workers))
         return _evaluations(_join([done[i] for i in range(len(parts))]), first, len(values))
 
     yield evaluate

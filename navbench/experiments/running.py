@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from navbench.experiments.cells import EPISODES, Batch, Cell, Records, digest
 from navbench.experiments.code import code_of, commit, roots_of
-from navbench.experiments.engines import Work, in_processes, run
+from navbench.experiments.engines import LOCAL, Engine, Work, in_processes, run
 from navbench.experiments.evaluations import Evaluation
 from navbench.experiments.files import discard_empty, existing, locked
 from navbench.experiments.parts import DAMAGED
@@ -49,7 +49,7 @@ def run_plan(
     plan: Plan,
     path: Path,
     workers: int | None = None,
-    engine: str = "local",
+    engine: Engine = LOCAL,
     progress: Progress = lambda *_: None,
     *,
     other_code: bool = False,
@@ -113,12 +113,13 @@ def best_of(results: Results, tuning: Tuning) -> tuple[int, float, dict[str, Any
 
 
 class _Search(NamedTuple):
-    """A tuning to be run, where it is kept, the digest of its code, and with how many processes."""
+    """A tuning to be run, where it is kept, the digest of its code, and where and with how many processes it runs."""
 
     tuning: Tuning
     results: Results
     code: str
     workers: int | None
+    engine: Engine = LOCAL
 
     @property
     def key(self) -> TuningKey:
@@ -140,8 +141,8 @@ def _search(search: _Search, progress: Callable[[TuningRecord], None] = lambda _
         results.write_evaluations(key, record.columns(), search.code, whole=False)
         progress(record)
 
-    record = run_tuning(search.tuning, search.workers, known, keep)
-    results.write_checks(key, checks_of(search.tuning, record, search.workers), search.code)
+    record = run_tuning(search.tuning, search.workers, known, keep, search.engine)
+    results.write_checks(key, checks_of(search.tuning, record, search.workers, search.engine), search.code)
     results.write_evaluations(key, record.columns(), search.code)
     return record.evaluations[record.best_index]
 
@@ -162,14 +163,15 @@ SEARCHES: Work[_Search, Evaluation] = Work(_search, _carefully, _refuse, lambda 
 class _Part(NamedTuple):
     """A batch of a cell, and where the process that runs it keeps what it did.
 
-    A ``piece`` of a batch that keeps dying is not kept, but given back to be joined with the others.
+    A piece of a batch that keeps dying is ``given_back`` to be joined with the others, as is a batch of an engine that
+    shares no files.
     """
 
     key: CellKey
     batch: Batch
     results: Results
     code: str
-    piece: bool = False
+    given_back: bool = False
 
     def keep(self, records: Records) -> None:
         """Write what the batch did."""
@@ -178,16 +180,16 @@ class _Part(NamedTuple):
 
 
 def _run_part(part: _Part) -> Records | DescriptionError | None:
-    """Run a batch and keep what it did; return what a piece did, or why it cannot be run."""
+    """Run a batch and keep what it did, or return it, or why it cannot be run."""
     records = EPISODES.do(part.batch)
-    if part.piece or isinstance(records, DescriptionError):
+    if part.given_back or isinstance(records, DescriptionError):
         return records
     part.keep(records)
     return None
 
 
 def _pieces(part: _Part) -> list[_Part]:
-    return [part._replace(batch=batch, piece=True) for batch in EPISODES.pieces(part.batch)]
+    return [part._replace(batch=batch, given_back=True) for batch in EPISODES.pieces(part.batch)]
 
 
 def _join(pieces: Sequence[Records | DescriptionError | None]) -> Records | DescriptionError:
@@ -206,7 +208,7 @@ class _Running:
     plan: Plan
     results: Results
     workers: int | None
-    engine: str
+    engine: Engine
     progress: Progress
     other_code: bool
     overwrite: bool
@@ -270,7 +272,7 @@ class _Running:
         return found
 
     def search(self) -> None:
-        """Run the tunings that are missing: side by side, or where there are too few, each on all cores."""
+        """Run the tunings that are missing: side by side, or each on all cores, as where they are few."""
         keys = [tuning.key() for tuning in self.plan.tunings]
         codes = [self._code(key.configuration, SEARCH) for key in keys]
         whole = dict(zip(map(tuning_name, keys), codes, strict=True))
@@ -279,13 +281,14 @@ class _Running:
         stale = self._of_other_code("evaluations", parts)
         self.results.keep_only(["evaluations"], set(parts) - (stale - set(whole)))
         todo = [
-            _Search(tuning, self.anywhere, code, self.workers)
+            _Search(tuning, self.anywhere, code, self.workers, self.engine)
             for tuning, (name, code) in zip(self.plan.tunings, whole.items(), strict=True)
             if name in stale or not all(self.results.has(kind, name) for kind in ("evaluations", "checks"))
         ]
         budgets = [search.tuning.budget for search in todo]
         done = 0
-        if len(todo) >= (os.cpu_count() or 1 if self.workers is None else self.workers) > 1:
+        side_by_side = len(todo) >= (os.cpu_count() or 1 if self.workers is None else self.workers) > 1
+        if side_by_side and self.engine.shares_files:
             alone = [search._replace(workers=0) for search in todo]
             for index, _ in run(SEARCHES, alone, self.engine, self.workers):
                 done += budgets[index]
@@ -308,7 +311,7 @@ class _Running:
         self._write_descriptions(cells)
         batches = self._batches(cells)
         parts = {
-            name: _Part(key, batch, self.anywhere, self._code(batch.cell.configuration))
+            name: _Part(key, batch, self.anywhere, self._code(batch.cell.configuration), not self.engine.shares_files)
             for name, (key, batch) in batches.items()
         }
         replaced = [name for name in results.parts("episodes") if name not in parts]
@@ -328,7 +331,7 @@ class _Running:
                 if isinstance(ended, DescriptionError):
                     reasons[f"{part.key.label} in {part.key.names.world}: {ended}"] = ended
                     continue
-                if ended is not None:  # its process died, and its pieces were run singly
+                if ended is not None:  # it was given back
                     part.keep(ended)
                 finished += len(part.batch.episodes)
                 self.progress("episodes", finished, planned)
@@ -385,7 +388,7 @@ class _Running:
         """Write the tables that the cells' controllers offer of themselves, the first cell of each controller's."""
         first = {cell.names.controller: cell for cell in reversed(cells) if hasattr(cell.controller, "describe")}
         if self.plan.study:
-            told = in_processes(_described, list(first.values()), self.engine, self.workers)
+            told = in_processes(_described, list(first.values()), self.workers)
             for name, tables in zip(first, told, strict=True):
                 for part, table in tables.items():
                     self.results.write_description(f"{name}-{part}", table)

@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass as described
 
 from navbench.contract import FloatArray
 from navbench.experiments.cells import Cell, digest
+from navbench.experiments.engines import Engine
 from navbench.experiments.evaluations import Evaluation, evaluator
 from navbench.metrics import declared
 from navbench.records import RobotRecord, TuningKey
@@ -211,6 +212,7 @@ def run_tuning(
     workers: int | None = 0,
     known: Sequence[Evaluation] = (),
     after: Callable[[TuningRecord], None] = lambda _: None,
+    engine: Engine | None = None,
 ) -> TuningRecord:
     """Run a tuning and return all that it evaluated; the same for any number of workers.
 
@@ -219,6 +221,7 @@ def run_tuning(
         workers: processes for the evaluations of a generation, as of ``engines.run``.
         known: its first evaluations, of an earlier call; whole generations of them are not evaluated again.
         after: called after each generation that was evaluated, with all so far.
+        engine: where the evaluations run, as of ``engines.run``.
 
     Raises:
         ValueError: a cost is not finite, or a repair leads out of the bounds.
@@ -226,7 +229,7 @@ def run_tuning(
     rng = np.random.default_rng(np.random.SeedSequence([tuning.seed]))
     evaluations: list[Evaluation] = []
     values = np.empty((0, len(tuning.dimensions)))
-    with evaluator(tuning, workers) as evaluate:
+    with evaluator(tuning, workers, engine) as evaluate:
         search = batches(tuning.tuner, tuning.dimensions, tuning.budget, rng, tuning.repair)
         batch = next(search)
         while True:
@@ -244,13 +247,16 @@ def run_tuning(
                 return TuningRecord(tuning.dimensions, ended.value.values, tuple(evaluations), ended.value.best_index)
 
 
-def checks_of(tuning: Tuning, record: TuningRecord, workers: int | None = 0) -> list[Check]:
+def checks_of(
+    tuning: Tuning, record: TuningRecord, workers: int | None = 0, engine: Engine | None = None
+) -> list[Check]:
     """Return what the best costs over the episodes of the search and over as many fresh ones, in each simulator.
 
     Args:
         tuning: what was searched.
         record: what it found.
         workers: processes, as of ``engines.run``.
+        engine: where, as of ``engines.run``.
     """
     checks = []
     fresh, fresh_in = (
@@ -261,6 +267,6 @@ def checks_of(tuning: Tuning, record: TuningRecord, workers: int | None = 0) -> 
         if cells:
             again = replace(tuning, cells=cells)
             where = cells[0].names.simulator, cells[0].first_episode, cells[0].episodes
-            with evaluator(again, workers) as evaluate:
+            with evaluator(again, workers, engine) as evaluate:
                 checks.append(Check(kind, *where, *evaluate(0, record.values[record.best_index][None, :])[0]))
     return checks

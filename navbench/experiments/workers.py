@@ -198,7 +198,7 @@ def _work(batches: Connection, says: Connection) -> None:
         while True:
             message = batches.recv_bytes()
             os.chdir(folder)
-            answer = _answer(message)
+            answer = answer_to(message)
             stop_timers()
             print(end="", flush=True)
             if os.getpid() != process:  # a fork of the controller's, which is nobody's worker
@@ -207,7 +207,7 @@ def _work(batches: Connection, says: Connection) -> None:
     os._exit(0)
 
 
-def _answer(message: bytes) -> bytes:
+def answer_to(message: bytes) -> bytes:
     """Return what a batch comes to, pickled: what its function returned, and what it raised."""
     import cloudpickle
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from commands import Command, Done
 
-from navbench.experiments.engines import end_workers
+from navbench.experiments.crew import end_workers
 
 HEAD = """
 import math

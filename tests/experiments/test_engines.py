@@ -15,7 +15,8 @@ import pytest
 from commands import workers_of
 
 from navbench.experiments import workers
-from navbench.experiments.engines import Work, end_workers, in_processes, run
+from navbench.experiments.crew import end_workers
+from navbench.experiments.engines import Work, in_processes, run
 from navbench.experiments.workers import Death
 from navbench.validation import DescriptionError
 
@@ -252,8 +253,3 @@ def test_a_process_goes_on_while_the_caller_makes_use_of_a_result(tmp_path: Path
         time.sleep(0.01)
     assert len(list(tmp_path.iterdir())) == 8
     assert len(list(done)) == 7
-
-
-def test_an_unknown_engine_is_refused() -> None:
-    with pytest.raises(ValueError, match="engine=cloud: there is no such engine; allowed: local"):
-        list(run(DOUBLE, [[1]], engine="cloud"))

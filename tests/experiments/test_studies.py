@@ -346,7 +346,7 @@ def test_a_tuning_among_touching_boxes_is_the_same_with_one_worker_and_with_two(
 
 
 def test_a_tuning_in_further_worlds_keeps_its_number_of_workers() -> None:
-    assert compose_tuning(["worlds=[deadlock]", "workers=1"])[2] == 1
+    assert compose_tuning(["worlds=[deadlock]", "workers=1"])[2]["workers"] == 1
 
 
 def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:

@@ -1,0 +1,113 @@
+"""Dask: a cluster whose scheduler listens at an address, or one of this machine's processes."""
+
+import os
+import signal
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cache
+from typing import Any, ClassVar
+from uuid import uuid4
+
+from pydantic.dataclasses import dataclass
+
+from navbench.experiments import remote
+from navbench.experiments.crew import Task
+from navbench.experiments.workers import Death
+from navbench.raised import one_line
+from navbench.validation import STRICT, DescriptionError
+
+try:
+    from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
+    from distributed.client import FutureCancelledError
+except ModuleNotFoundError as error:
+    raise DescriptionError(f"needs {error.name}: pip install 'navbench[dask]'") from None
+
+REACHED_S = 10.0  # within which a scheduler answers, and a worker is there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+class Dask:
+    """A cluster of dask's.
+
+    Attributes:
+        address: where its scheduler listens, such as tcp://host:8786; None starts worker processes on this machine.
+    """
+
+    shares_files: ClassVar[bool] = False
+    address: str | None
+
+    def open(self, workers: int | None) -> "_Dask":
+        """Return what does tasks: with an address on all workers of that cluster, else with so many.
+
+        Raises:
+            DescriptionError: no scheduler answers, or it has no worker.
+        """
+        return _Dask(_client(self.address, None if self.address else workers))
+
+
+class _Dask:
+    """A run on a cluster."""
+
+    limit = 256
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._run = uuid4().hex
+        self._numbers: dict[Future[Any], int] = {}
+        self._done = as_completed()
+
+    def send(self, tasks: Mapping[int, Task]) -> None:
+        """Begin with some tasks."""
+        for number, task in tasks.items():
+            future = self._client.submit(remote.do, remote.packed(task, self._run), pure=False)
+            self._numbers[future] = number
+            self._done.add(future)
+
+    def next(self) -> tuple[int, Any]:
+        """Wait for any task to end."""
+        future = next(self._done)
+        number = self._numbers.pop(future)
+        try:
+            answer = future.result()
+        except (KilledWorker, FutureCancelledError) as error:
+            answer = Death(f"dask: {one_line(error)}", by_machine=True)
+        except Exception as error:  # no task's own, of which the answer tells
+            raise DescriptionError(f"engine=dask: a worker cannot do its task: {one_line(error)}") from error
+        return number, remote.unpacked(answer)
+
+    def stop(self) -> None:
+        """End what is under way, and the worker processes of this run."""
+        with suppress(OSError, ValueError, TimeoutError):  # it is gone, and all that it did with it
+            self._client.cancel(list(self._numbers), force=True)
+            self._client.run(remote.stop, self._run, on_error="ignore")
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C, which is for this process alone, not reach those that begin meanwhile."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@cache
+def _client(address: str | None, workers: int | None) -> Client:
+    """Return a connection, which lasts as long as this process."""
+    if address is None:
+        workers = workers or os.cpu_count() or 1
+        options = {"threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0, "silence_logs": "CRITICAL"}
+        with _uninterrupted():
+            return Client(LocalCluster(n_workers=workers, **options))
+    said = "no dask scheduler answers there"
+    try:
+        client = Client(address, timeout=REACHED_S)
+        said = "the dask scheduler there has no worker"
+        client.wait_for_workers(1, timeout=REACHED_S)
+    except (OSError, ValueError):  # nobody listens, or that is no address
+        raise DescriptionError(f"engine.address={address}: {said}") from None
+    return client

@@ -1,0 +1,92 @@
+"""What a process of a cluster does: it has a worker process of its machine do the task, as the driver does on its own.
+
+Only bytes travel: what they mean, and what it imports, is known to the driver and to the worker process. The working
+directory and the places to import from are the driver's, as far as they are there.
+"""
+
+import os
+import sys
+from contextlib import suppress
+from functools import cache
+from multiprocessing import current_process
+from multiprocessing.util import Finalize
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from navbench.experiments.crew import Crew, Task
+from navbench.experiments.workers import Death, answer_to, place
+
+
+class Packed(NamedTuple):
+    """A task as it travels.
+
+    Attributes:
+        message: its function and argument, pickled.
+        alone: whether in a process of its own.
+        run: of which run it is.
+        folder: where the driver works.
+        path: where the driver imports from.
+    """
+
+    message: bytes
+    alone: bool
+    run: str
+    folder: str
+    path: tuple[str, ...]
+
+
+def packed(task: Task, run: str) -> Packed:
+    """Return a task as it travels.
+
+    Args:
+        task: the task.
+        run: what to call the run that it is of.
+    """
+    import cloudpickle
+
+    folder, *path = place()
+    return Packed(cloudpickle.dumps((task.do, task.argument)), task.alone, run, folder, tuple(path))
+
+
+def do(task: Packed) -> bytes | Death:
+    """Return what a task comes to, pickled, or the ``Death`` that its worker process died of it."""
+    if current_process().daemon:
+        current_process().daemon = False  # which might not have processes of its own
+    answer: bytes | Death = _crew(task.run).do(Task(_in_drivers_place, task, task.alone))
+    return answer
+
+
+def stop(run: str) -> None:
+    """End the worker processes of a run, and do no more of it in this process."""
+    _crew(run).end()
+
+
+def unpacked(answer: bytes | Death) -> Any:
+    """Return what a task came to, or the ``Death`` of its process.
+
+    Raises:
+        Exception: whatever the task raised.
+    """
+    import cloudpickle
+
+    if isinstance(answer, Death):
+        return answer
+    result, raised = cloudpickle.loads(answer)
+    if raised is not None:
+        raise raised
+    return result
+
+
+@cache
+def _crew(run: str) -> Crew:
+    crew = Crew([])
+    Finalize(None, crew.end, exitpriority=1)  # for which this process would wait when it ends
+    return crew
+
+
+def _in_drivers_place(task: Packed) -> bytes:
+    """Do a task, in a worker process."""
+    with suppress(OSError):
+        os.chdir(task.folder)
+    sys.path += [folder for folder in task.path if folder not in sys.path and Path(folder).is_dir()]
+    return answer_to(task.message)

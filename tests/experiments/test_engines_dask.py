@@ -1,0 +1,33 @@
+"""Dask does as this machine's cores do."""
+
+from pathlib import Path
+
+import pytest
+from clusters import check_a_killed_process_costs_nothing, check_deaths_and_errors, check_same_bytes
+from commands import Command
+
+pytest.importorskip("distributed")
+
+from navbench.experiments.clusters.dask import Dask  # noqa: E402
+
+HERE = Dask(address=None)
+
+
+def test_a_sweep_on_dask_leaves_the_same_bytes(command: Command, tmp_path: Path) -> None:
+    check_same_bytes(command, tmp_path, "engine=dask")
+
+
+def test_a_worker_of_dask_that_is_killed_costs_nothing(tmp_path: Path) -> None:
+    check_a_killed_process_costs_nothing(HERE, tmp_path)
+
+
+def test_deaths_and_errors_are_those_of_the_task_on_dask() -> None:
+    check_deaths_and_errors(HERE)
+
+
+def test_a_scheduler_that_does_not_answer_is_told_in_one_line(command: Command, tmp_path: Path) -> None:
+    words = ("controller=sflc", "engine=dask", "engine.address=tcp://127.0.0.1:1", "hydra.run.dir=here")
+    done = command(*words)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "navbench: engine.address=tcp://127.0.0.1:1: no dask scheduler answers there\n"
+    assert not list(tmp_path.iterdir())
