@@ -12,6 +12,12 @@ pytest.importorskip("submitit")
 from navbench.experiments.clusters.slurm import Slurm  # noqa: E402
 
 
+@pytest.fixture(autouse=True)
+def _here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run jobs on this machine, also where there is an sbatch that may lead to a cluster."""
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+
+
 def slurm(folder: Path) -> Slurm:
     return Slurm(partition=None, time_min=5, mem_gb=1.0, folder=str(folder / "jobs"))
 
@@ -29,10 +35,7 @@ def test_deaths_and_errors_are_those_of_the_task_in_jobs(tmp_path: Path) -> None
     check_deaths_and_errors(slurm(tmp_path))
 
 
-def test_without_sbatch_it_is_said_that_jobs_run_here(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setattr(shutil, "which", lambda _: None)
+def test_without_sbatch_it_is_said_that_jobs_run_here(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     slurm(tmp_path).open(2).stop()
     assert caplog.messages == ["engine=slurm: there is no sbatch here, so that 2 jobs run on this machine"]
 
