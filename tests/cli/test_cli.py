@@ -86,7 +86,7 @@ WRONG = [
     (("study",), "navbench: study: name one study; there are: aouf2019, "),
     (("study", "aouf2019", "lei2014"), "navbench: study aouf2019 lei2014: name one study; "),
     # keys
-    ((*GO, "nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot, sensors, simulator, engine, episodes"),
+    ((*GO, "nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot, sensors, simulator, engine"),
     ((*GO, "+nogroup=x"), "nogroup: unknown key; allowed here: controller, world, robot"),
     ((*GO, "world.time_limt_s=3"), "world.time_limt_s: unknown key; did you mean time_limit_s?"),
     ((*GO, "+world.time_limt_s=3"), "world.time_limt_s: unknown key; did you mean time_limit_s?"),
