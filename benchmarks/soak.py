@@ -355,7 +355,7 @@ def row(simulator: str, findings: Sequence[Finding]) -> tuple[list[str], bool]:
         f"{deep:.1e}",
         f"{off:.1e}",
         f"{late:.1e}",
-        str(moved),
+        f"{moved:.1e}",
     ]
     return told, missed == 0 and off <= DEEP_RADII and late <= INSTANT and moved <= INSTANT
 
