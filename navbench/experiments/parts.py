@@ -32,7 +32,8 @@ WORDS: Mapping[str, tuple[str, ...]] = {  # the columns of words, of whole numbe
     "checks": ("name", "kind", "simulator"),
 }
 WHOLE: Mapping[str, tuple[str, ...]] = {
-    **{kind: ("episode", "robot_index") for kind in ("episodes", "trajectories", "latency")},
+    **{kind: ("episode", "robot_index") for kind in ("trajectories", "latency")},
+    "episodes": ("seed", "episode", "robot_index"),
     "evaluations": ("seed", "evaluation", "reached", "robots"),
     "checks": ("seed",),
 }
