@@ -38,6 +38,13 @@ WORLD = {
     "time_limit_s": LIMIT_S,
 }
 ROBOT = {"radius_m": 0.1, "track_m": 0.15, "wheel_speed_max_mps": 0.5, "wheel_accel_max_mps2": None}
+THEIRS: dict[str, Any] = {  # a study that somebody else ran
+    "name": "theirs",
+    "title": "Theirs",
+    "summary": "What they found.",
+    "claims": {"mine": {"says": "mine", "holds": "above 0", "measure": "share_reached", "of": {"label": "A"}}},
+    "report": ["verdicts", {"name": "summary", "file": "sums"}, "failures"],
+}
 CROSSING: dict[str, Any] = {  # two robots change places among what is drawn anew for each episode
     "source": {
         "_target_": "navbench.world.generators.Scattered",

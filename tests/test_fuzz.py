@@ -19,7 +19,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from stored import a_cell, a_record, store
+from stored import THEIRS, a_cell, a_record, store
 
 from navbench.analysis.stored import StoredResults
 from navbench.cli import main as cli
@@ -70,13 +70,6 @@ GROUPS = {
     "robot": "world=deadlock",
     "sensors": "world=deadlock",
     "controller": "world=deadlock",
-}
-STUDY: dict[str, Any] = {
-    "name": "theirs",
-    "title": "Theirs",
-    "summary": "What they found.",
-    "claims": {"mine": {"says": "mine", "holds": "above 0", "measure": "share_reached", "of": {"label": "A"}}},
-    "report": ["verdicts", {"name": "summary", "file": "sums"}, "failures"],
 }
 
 
@@ -145,7 +138,7 @@ def test_a_manifest_is_read_or_refused_in_one_line(
 ) -> None:
     theirs = folder / "theirs"
     if not theirs.exists():
-        store(theirs, [(a_cell(), [a_record(), a_record("collided")])], study=STUDY)
+        store(theirs, [(a_cell(), [a_record(), a_record("collided")])], study=THEIRS)
         shutil.copy(theirs / "manifest.json", folder)
     manifest = changed(json.loads((folder / "manifest.json").read_text(encoding="utf-8")), data)
     (theirs / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
@@ -167,7 +160,7 @@ def test_a_manifest_is_read_or_refused_in_one_line(
 def test_a_part_is_read_or_refused_in_one_line(data: st.DataObject, folder: Path) -> None:
     theirs = folder / "theirs"
     if not theirs.exists():
-        store(theirs, [(a_cell(), [a_record(), a_record("collided")])], study=STUDY)
+        store(theirs, [(a_cell(), [a_record(), a_record("collided")])], study=THEIRS)
         shutil.copytree(theirs, folder / "whole")
     shutil.rmtree(theirs)
     shutil.copytree(folder / "whole", theirs)

@@ -42,8 +42,12 @@ class Factor:
     @property
     def bounds(self) -> tuple[Any, ...]:
         """The ends of its first range, or its first choices."""
-        first = next(iter(self.members.values()))
-        return _choices(first) or first.range or ()
+        return self.choices or next(iter(self.members.values())).range or ()
+
+    @property
+    def choices(self) -> tuple[Any, ...]:
+        """Its first value's choices; none of a range."""
+        return _choices(next(iter(self.members.values())))
 
 
 def factors_of(cells: Iterable[CellKey]) -> list[Factor]:

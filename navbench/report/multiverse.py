@@ -79,10 +79,12 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
     if curved := _curved(shares):
-        save_figure(curves(told.drawn, curved), out, "curves")
+        choices = {factor.name: factor.choices for factor in told.factors}
+        choices |= {choice["name"]: choice["values"] for choice in told.prior["choices"]}
+        save_figure(curves(told.drawn, curved, choices), out, "curves")
         caption = (
-            "The share in which a claim holds over the range of the value that tells most of it; the dashed line is "
-            "the share over all"
+            "The share in which a claim holds over the range, or at each choice, of the value that tells most of it; "
+            "the dashed line is the share over all"
         )
         plots.append(Plot("curves", caption))
     if best and any(best.printed):

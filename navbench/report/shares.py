@@ -25,6 +25,7 @@ VERDICTS = {  # with their colours
     "out of reach": PALETTE[3],
 }
 SLICES = 8  # of a value's range, over which a share is told
+NAMED_MAX = 6  # characters of a choice that is named; longer ones are numbered in their order
 
 
 def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":
@@ -61,8 +62,14 @@ def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":
     return figure
 
 
-def curves(drawn: Drawn, shares: Sequence[Shares]) -> "Figure":
-    """Return for each claim the share in which it holds over the range of the value that tells most of it."""
+def curves(drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequence[object]]) -> "Figure":
+    """Return for each claim the share in which it holds over the range, or the choices, of the value that tells most.
+
+    Args:
+        drawn: the sample.
+        shares: of the claims.
+        choices: those of each value that has no range, by its name.
+    """
     from matplotlib.figure import Figure
 
     columns = min(3, len(shares))
@@ -70,30 +77,34 @@ def curves(drawn: Drawn, shares: Sequence[Shares]) -> "Figure":
     figure = Figure(figsize=(3.0 * columns, 2.6 * rows), layout="constrained")
     grid = np.atleast_1d(figure.subplots(rows, columns, sharey=True)).ravel()
     for axes, one in zip(grid, shares, strict=False):
-        _curve(axes, drawn, one)
+        assert one.bits is not None
+        _curve(axes, drawn, one, one.bits[0], choices.get(one.bits[0], ()))
     for axes in grid[len(shares) :]:
         axes.set_visible(False)
     figure.supylabel("share in which it holds", fontsize=9)
     return figure
 
 
-def _curve(axes: "Axes", drawn: Drawn, one: Shares) -> None:
-    assert one.bits is not None
-    name, _ = one.bits
-    u = drawn.u[:, list(drawn.names).index(name)]
+def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence[object]) -> None:
+    count = len(choices) or SLICES
+    places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
     holds = drawn.codes(one.claim.name).ravel() == HOLDS
-    places = np.minimum((u * SLICES).astype(int), SLICES - 1)
-    slices = [holds[places == k] for k in range(SLICES)]
+    slices = [holds[places == k] for k in range(count)]
     found = [clopper_pearson(int(held.sum()), held.size) for held in slices]
-    x = (np.arange(SLICES) + 0.5) / SLICES
+    x = (np.arange(count) + 0.5) / count
     values = np.array([estimate.value for estimate in found])
     errors = [[e.value - e.low for e in found], [e.high - e.value for e in found]]
-    axes.errorbar(x, values, yerr=errors, color=PALETTE[1], marker="o", ms=3, lw=1, capsize=2)
+    joined = "none" if choices else "-"  # choices have no order
+    axes.errorbar(x, values, yerr=errors, color=PALETTE[1], marker="o", ls=joined, ms=3, lw=1, capsize=2)
     axes.axhline(one.all.value, color="#888888", ls="--", lw=0.8)
     axes.set(xlim=(0, 1), ylim=(-0.03, 1.03), title=one.claim.name)
     axes.title.set_fontsize(8)
-    axes.set_xlabel(f"{name}, from least to most", fontsize=7)
     axes.tick_params(labelsize=7)
+    if choices:
+        words = [str(choice) for choice in choices]
+        is_short = max(map(len, words)) <= NAMED_MAX
+        axes.set_xticks(x, words if is_short else [str(k + 1) for k in range(count)])
+    axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'from least to most'}", fontsize=7)
 
 
 def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mapping[str, float]) -> "Figure":

@@ -10,6 +10,7 @@ from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, halves, shares_of, worth
+from navbench.report.shares import curves
 
 SCRAMBLES, EACH = 4, 250
 N = SCRAMBLES * EACH
@@ -99,6 +100,20 @@ def test_the_factor_that_decides_tells_most_and_one_that_cannot_reach_a_claim_is
     assert one.bits is not None
     assert one.bits[0] == "first"
     assert one.bits[1].value < 0.02
+
+
+def test_a_curve_joins_the_parts_of_a_range_and_tells_choices_apart() -> None:
+    u = np.random.default_rng(2).random((N, 2))
+    sample = drawn({"a": np.where(u[:, 0] < 0.5, HOLDS, FAILS)})._replace(u=u, reaches={"a": [0]})
+    (one,) = shares_of(sample, [number("a")], NOTHING)
+    joined, apart = (curves(sample, [one], choices).axes[0] for choices in ({}, {"first": (True, False)}))
+    assert joined.lines[0].get_linestyle() == "-"
+    assert np.asarray(joined.lines[0].get_ydata()).tolist() == [1.0] * 4 + [0.0] * 4
+    assert joined.get_xlabel() == "first, from least to most"
+    assert apart.lines[0].get_linestyle() == "None"
+    assert np.asarray(apart.lines[0].get_ydata()).tolist() == [1.0, 0.0]
+    assert [label.get_text() for label in apart.get_xticklabels()] == ["True", "False"]
+    assert apart.get_xlabel() == "first, 2 choices"
 
 
 def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from commands import Command, in_a_process
-from stored import a_cell, a_record, store
+from stored import THEIRS, a_cell, a_record, store
 
 from navbench.reading import check_name, flat, printable
 from navbench.report import latex, markdown
@@ -20,20 +20,13 @@ from navbench.report.document import Block, Column, Document, Finding, Heading, 
 from navbench.validation import DescriptionError
 
 ESC = "\x1b]0;owned\x07"
-STUDY: dict[str, Any] = {
-    "name": "theirs",
-    "title": "Theirs",
-    "summary": "What they found.",
-    "claims": {"mine": {"says": "mine", "holds": "above 0", "measure": "share_reached", "of": {"label": "A"}}},
-    "report": ["verdicts", {"name": "summary", "file": "sums"}, "failures"],
-}
 RUN = "controller=go_to_goal world=empty world.time_limit_s=0.5 simulator=planar episodes=2 workers=1".split()
 
 
 @pytest.fixture
 def theirs(tmp_path: Path) -> Path:
     """Results of a study, in the folder ``theirs`` of the working directory."""
-    store(tmp_path / "theirs", [(a_cell(), [a_record(), a_record("collided")])], study=STUDY)
+    store(tmp_path / "theirs", [(a_cell(), [a_record(), a_record("collided")])], study=THEIRS)
     return tmp_path / "theirs"
 
 
@@ -81,7 +74,7 @@ def test_a_name_that_leads_elsewhere_is_refused_in_one_line(
 def test_a_name_that_a_section_makes_of_data_leads_nowhere_else(command: Command, tmp_path: Path) -> None:
     cells = [a_cell(label) for label in "AB"]
     cells = [cell._replace(names=cell.names._replace(world="/../../../../outside")) for cell in cells]
-    study = {**STUDY, "report": [{"name": "comparison", "file": "c"}]}
+    study = {**THEIRS, "report": [{"name": "comparison", "file": "c"}]}
     store(tmp_path / "both", [(cell, [a_record()] * 3) for cell in cells], study=study)
     done = command("report", "both", "out=one/two")
     assert (done.code, len(done.err.splitlines())) == (2, 1)

@@ -155,15 +155,22 @@ def test_every_batch_begins_in_the_callers_folder(tmp_path: Path, monkeypatch: p
     assert in_processes(_leave_folder, ["below", "below"], workers=1) == [str(tmp_path / "below")] * 2
 
 
+def told_by_script(folder: Path, *lines: str) -> tuple[str, str]:
+    """Run a script in a process of its own, and return what it prints and complains of."""
+    (folder / "script.py").write_text("\n".join(lines))
+    done = subprocess.run([sys.executable, "script.py"], cwd=folder, capture_output=True, text=True, check=False)
+    return done.stdout, done.stderr
+
+
 def test_a_script_needs_no_guard(tmp_path: Path) -> None:
-    (tmp_path / "script.py").write_text(
-        "from navbench.experiments.engines import in_processes\n"
-        "class Double:\n"
-        "    def __call__(self, number): return 2 * number\n"
-        "print(in_processes(Double(), [1, 2]))\n"
+    told = told_by_script(
+        tmp_path,
+        "from navbench.experiments.engines import in_processes",
+        "class Double:",
+        "    def __call__(self, number): return 2 * number",
+        "print(in_processes(Double(), [1, 2]))",
     )
-    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("[2, 4]\n", "")
+    assert told == ("[2, 4]\n", "")
 
 
 def _half(number: int) -> float:
@@ -206,14 +213,14 @@ def _seen(module: str) -> tuple[int, bool]:
 
 
 def test_processes_have_imported_what_was_named(tmp_path: Path) -> None:
-    (tmp_path / "script.py").write_text(
-        "import sys\n"
-        "from navbench.experiments.engines import in_processes, start\n"
-        "start(['colorsys', 'navbench.experiments.nothing'])\n"
-        "print(in_processes(lambda name: name in sys.modules, ['colorsys']), 'colorsys' in sys.modules)\n"
+    told = told_by_script(
+        tmp_path,
+        "import sys",
+        "from navbench.experiments.engines import in_processes, start",
+        "start(['colorsys', 'navbench.experiments.nothing'])",
+        "print(in_processes(lambda name: name in sys.modules, ['colorsys']), 'colorsys' in sys.modules)",
     )
-    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("[True] False\n", "")
+    assert told == ("[True] False\n", "")
 
 
 def test_workers_are_kept_for_the_next_call_unless_they_import_from_elsewhere(
