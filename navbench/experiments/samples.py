@@ -58,9 +58,8 @@ class Samples:
     def discard_damaged(self) -> list[Path]:
         """Remove the blocks that are damaged, to be made anew, and return their files."""
         damaged = [self.path / name for name, fault in self.faults().items() if fault == parts.DAMAGED]
-        for file in damaged:
-            file.unlink()
-            (self.path / file.name).unlink(missing_ok=True)  # the block, where the seconds beside it are damaged
+        for file in damaged:  # of a block and its seconds the block tells whether both are there
+            (self.path / file.name).unlink(missing_ok=True)
         return damaged
 
     def write(self, name: str, columns: Mapping[str, Any]) -> None:

@@ -15,7 +15,7 @@ from navbench.analysis.stored import StoredResults
 from navbench.cli.prior import reconstructions_of
 from navbench.cli.sample import Places, Sample
 from navbench.cli.sampling import Block, places, run_block
-from navbench.cli.searching import Searches
+from navbench.cli.searching import POPULATION, Searches
 from navbench.experiments.files import locked
 from navbench.experiments.samples import DRAWN, Samples
 
@@ -170,6 +170,9 @@ def test_a_search_finds_what_the_sample_misses_and_goes_on_where_it_was_stopped(
     assert target.cost(met.values[None])[0] < 1.0
     assert of.tell(met.u).values[-1] == pytest.approx(11.11, abs=0.025)
     assert (len(parts), told[-1]) == (10, 320)
+    begun = samples.part(min(parts).removesuffix(".parquet"))
+    order = np.argsort(target.cost(values_in(drawn, target)), kind="stable")[:POPULATION]  # it begins with the best
+    np.testing.assert_allclose(begun.filter(regex="^u:").to_numpy(), drawn.u[order], rtol=0.0, atol=1e-12)
     (samples.path / sorted(parts)[4]).unlink()
     assert best()[2] == parts
 

@@ -158,8 +158,9 @@ def test_the_global_generators_are_seeded_for_each_episode_apart_from_the_contro
     drawn = []
     for workers in (1, 0):  # here they have been used before
         random.random()
-        ran = run_it(own, "draws", "episodes=6", f"hydra.run.dir=here{workers}", workers=workers)
+        ran = run_it(own, "draws", "episodes=6", workers=workers)
         drawn.append(ran.results.trajectories()["drawn"].dropna().tolist())
+        (own / "results").rename(own / f"drawn in {workers}")  # to be run again, and not resumed
     assert drawn[0] == drawn[1]
     assert len(set(drawn[0])) == len(drawn[0])
 
