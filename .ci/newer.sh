@@ -28,5 +28,5 @@ exec unshare --mount sh -euc '
   mount --bind . "$root/navbench"
   exec chroot "$root" env HOME=/root TMPDIR=/tmp LC_ALL=C.UTF-8 PATH=/venv/bin:/usr/bin:/bin sh -euc "
     cd /navbench
-    pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .[test]
+    pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .[dev]
     exec python -m pytest -n auto --dist worksteal \"\$@\"" pytest "$@"' unshare "$root" "$@"

@@ -121,7 +121,7 @@ def compare(
         with ExitStack() as stack:
             sides = make(stack)
             found = rates({name: side for name, side in sides.items() if not isinstance(side, str)}, effort)
-        first = next(iter(found.values()))
+        first = next(iter(found.values()), [])
         for name, side in sides.items():
             if isinstance(side, str):
                 rows.append((group, name, side, ""))

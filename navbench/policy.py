@@ -15,8 +15,9 @@ from numba.core.dispatcher import Dispatcher
 
 from navbench.compiled import compiled
 from navbench.contract import Command, FloatArray, Observation, Setup
+from navbench.memory import scratch
 
-__all__ = ["SIGNATURE", "CompiledController", "Policy", "compiled", "pack", "part"]
+__all__ = ["SIGNATURE", "CompiledController", "Policy", "compiled", "pack", "part", "scratch"]
 
 _types: Any = types  # numba's are untyped
 _PAIR, _ARRAY = _types.UniTuple(float64, 2), float64[::1]

@@ -17,6 +17,7 @@ PACKAGE = ROOT / "navbench"
 
 FLOORS = {
     "compiled": 0,  # floor 0: the contract and mathematics
+    "memory": 0,
     "contract": 0,
     "mathematics": 0,
     "fuzzy": 0,

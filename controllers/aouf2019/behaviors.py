@@ -23,7 +23,7 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from navbench.contract import FloatArray, Setup
-from navbench.policy import CompiledController, compiled, part
+from navbench.policy import CompiledController, compiled, part, scratch
 from navbench.validation import STRICT, NonNegative, Positive, Probability
 
 from .equations import (
@@ -31,6 +31,7 @@ from .equations import (
     Vector,
     avoidance_vector,
     blend,
+    frame,
     goal_vector,
     heading_error,
     heading_of,
@@ -124,7 +125,7 @@ class Behaviors:
             raise ValueError(f"sensors are {', '.join(roles) or 'none'}; needed are {', '.join(SENSOR_ROLES)}")
         memory, best_m = np.zeros(len(TRACE)), np.zeros(max(1, round(self.stall_window_s / setup.period_s)))
         memory[PROGRESS_DISTANCE] = math.inf
-        mounts = [(sensor.x_m, sensor.y_m, sensor.heading_rad) for sensor in setup.sensors]
+        mounts = [frame(sensor.x_m, sensor.y_m, sensor.heading_rad) for sensor in setup.sensors]
         weights = [self.sensor_weights[role] for role in SENSOR_ROLES]
         steering = (self.blend_alpha, self.wall_distance_m, self.at_obstacle_m, self.unsafe_m)
         switching = (self.stall_min_progress_m, self.progress_epsilon_m, self.side_tie_m)
@@ -167,7 +168,8 @@ def active_heading_error(
         trace: begins with ``TRACE``, which is written.
     """
     memory, thresholds, u_p = part(state, MEMORY), part(parameters, THRESHOLDS), (pose[0], pose[1])
-    points = points_seen(part(parameters, MOUNTS).reshape(-1, 3), ranges_m, pose)
+    points = scratch((len(ranges_m), 2))
+    points_seen(part(parameters, MOUNTS), ranges_m, pose, points)
     u_ao = avoidance_vector(points, part(parameters, WEIGHTS), u_p)
     u_gtg = goal_vector(goal, u_p)
     arbitrate(memory, part(state, BEST), thresholds[2:], ranges_m, points, u_gtg, u_ao)

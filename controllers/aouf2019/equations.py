@@ -36,13 +36,12 @@ nothing. When the robot switches is decided in ``behaviors``.
 
 import math
 
-import numpy as np
-
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
 from navbench.mathematics.geometry import wrap_angle
 
 Vector = tuple[float, float]
+Frame = tuple[float, float, float, float]  # x, y [m], cosine and sine of the heading
 
 SENSOR_ROLES = (  # simiam's sensors 1 to 9, clockwise; 2 to 7, here 1 to 6, are the front ones
     "rear_left",
@@ -65,32 +64,38 @@ def sensor_point(d: float) -> Vector:
 
 
 @compiled
-def to_robot_frame(x_s: float, y_s: float, theta_s: float, v: Vector) -> Vector:
-    """Return v'_i, the point in the robot's frame."""
-    return transform(x_s, y_s, theta_s, v)  # eq. (8)
+def frame(x: float, y: float, theta: float) -> Frame:
+    """Return M_t(x, y, theta), as ``transform`` takes it."""
+    return x, y, math.cos(theta), math.sin(theta)
 
 
 @compiled
-def transform(x: float, y: float, theta: float, v: Vector) -> Vector:
-    """Return M_t(x, y, theta) [v; 1]."""
-    c, s = math.cos(theta), math.sin(theta)
+def transform(m_t: Frame, v: Vector) -> Vector:
+    """Return M_t [v; 1]."""
+    x, y, c, s = m_t
     return c * v[0] - s * v[1] + x, s * v[0] + c * v[1] + y  # eq. (9)
 
 
 @compiled
-def to_world_frame(x: float, y: float, theta: float, v: Vector) -> Vector:
-    """Return v''_i, the point in the world, from the robot's pose and the point in its frame."""
-    return transform(x, y, theta, v)  # eq. (10)
+def to_robot_frame(sensor: Frame, v: Vector) -> Vector:
+    """Return v'_i, the point in the robot's frame."""
+    return transform(sensor, v)  # eq. (8)
 
 
 @compiled
-def points_seen(mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float]) -> FloatArray:
-    """Return the points v''_i that all readings mean, (9, 2), from each sensor's pose in the robot's frame, (9, 3)."""
-    points = np.empty((len(mounts), 2))
-    for i in range(len(mounts)):
-        in_robot = to_robot_frame(mounts[i, 0], mounts[i, 1], mounts[i, 2], sensor_point(ranges_m[i]))
-        points[i, 0], points[i, 1] = to_world_frame(pose[0], pose[1], pose[2], in_robot)
-    return points
+def to_world_frame(robot: Frame, v: Vector) -> Vector:
+    """Return v''_i, the point in the world, from the robot's frame and the point in it."""
+    return transform(robot, v)  # eq. (10)
+
+
+@compiled
+def points_seen(mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float], points: FloatArray) -> None:
+    """Write the points v''_i that all readings mean, (9, 2), from each sensor's frame in that of the robot, (36,)."""
+    robot = frame(pose[0], pose[1], pose[2])
+    for i in range(len(points)):
+        sensor = mounts[4 * i], mounts[4 * i + 1], mounts[4 * i + 2], mounts[4 * i + 3]
+        in_robot = to_robot_frame(sensor, sensor_point(ranges_m[i]))
+        points[i, 0], points[i, 1] = to_world_frame(robot, in_robot)
 
 
 @compiled

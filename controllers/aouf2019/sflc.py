@@ -30,7 +30,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.contract import FloatArray, Setup
 from navbench.fuzzy.inference import FuzzyInference, Variable, infer, memberships
-from navbench.policy import Policy, compiled, pack, part
+from navbench.policy import Policy, compiled, pack, part, scratch
 from navbench.validation import STRICT, Number, remembered
 
 from .behaviors import LAW, TRACE, Behaving, active_heading_error
@@ -61,8 +61,9 @@ def fuzzy_law(base: FloatArray, error: float) -> tuple[float, float]:
         base: ``FuzzyInference.base`` of ``same_fuzzy_controller``.
         error: the heading error [rad].
     """
-    answer = np.empty(2)
-    infer(base, np.array([error]), answer)
+    given, answer = scratch((1,)), scratch((2,))
+    given[0] = error
+    infer(base, given, answer)
     return answer[0], answer[1]
 
 

@@ -39,11 +39,9 @@ the mean of the concluded sets' peaks, weighted by the rules' strengths. With th
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from navbench.compiled import compiled
 from navbench.contract import FloatArray
-from navbench.fuzzy.inference import FuzzyInference, Variable, infer_and_fire, rules_from_table, slot_count
+from navbench.fuzzy.inference import FuzzyInference, Variable, infer, rules_from_table
 from navbench.mathematics.geometry import wrap_angle
 
 TIME_FACTORS = ("TS", "TM", "TB")
@@ -133,7 +131,6 @@ def add_dangers(
         thresholds[4],
     )
     x, y, psi = pose
-    strengths, slots = np.empty(len(DISTANCE_FACTORS) * len(TIME_FACTORS)), np.empty(slot_count(ddcfc))
     robot_vx, robot_vy = v_mps * math.cos(psi), v_mps * math.sin(psi)
     for k in range(obstacles.shape[0]):
         dx, dy = obstacles[k, 0] - x, obstacles[k, 1] - y
@@ -145,7 +142,7 @@ def add_dangers(
         closing = thresholds[5] > 0.0 and dx * vx + dy * vy < 0.0
         work[0] = distance_factor(free_m, d_s)
         work[1] = time_factor(collision_time(free_m, math.hypot(vx, vy), closing), period_s)
-        infer_and_fire(ddcfc, work, work[2:], strengths, slots)  # eq. (8)
+        infer(ddcfc, work, work[2:])  # eq. (8)
         if work[2] > largest[where] or math.isnan(work[2]):
             largest[where] = work[2]  # definition 7
 

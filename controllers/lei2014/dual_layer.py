@@ -28,7 +28,7 @@ import numpy as np
 
 from navbench.contract import FloatArray, Setup
 from navbench.fuzzy.describing import Columns, columns, membership_corners
-from navbench.fuzzy.inference import FuzzyInference, infer_and_fire, slot_count
+from navbench.fuzzy.inference import FuzzyInference, infer_and_fire
 from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import Flag, Positive, checked, describe, remembered
 
@@ -81,7 +81,7 @@ def step(
     add_dangers(dangers, ddcfc, thresholds, pose, speed[0], discs, factors)
     situation[0] = azimuth(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))
     trace[:3], trace[3] = dangers, situation[0]
-    if infer_and_fire(vfc, situation, trace[8:], strengths, np.empty(slot_count(vfc))) >= 0:
+    if infer_and_fire(vfc, situation, trace[8:], strengths) >= 0:
         return math.nan, math.nan
     trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
     return trace[8], -trace[9] if thresholds[6] > 0.0 else trace[9]  # psi' = -w, see lei2014

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from navbench.compiled import compiled
 from navbench.episode.perception import believe, read, track
+from navbench.memory import borrowed
 from navbench.policy import SIGNATURE
 from navbench.simulation.motion import RUNNING, STOPPED, Pipeline, Scenery, advance, other_robots, set_command
 from navbench.simulation.planar import read_ring
@@ -55,7 +56,15 @@ def close(
         kept: states and traces (n, periods, ...), written: those of each period begun while the robot ran; and how
             many these are, (n,). The last state of a robot that was stopped holds its command.
     """
-    states, parameters, traces = policies
+    states, parameters, traces = borrowed(policies)
+    robots, pipeline, scenery, fixed = borrowed(robots), borrowed(pipeline), borrowed(scenery), borrowed(fixed)
+    ring, senses, errors, room, kept = (
+        borrowed(ring),
+        borrowed(senses),
+        borrowed(errors),
+        borrowed(room),
+        borrowed(kept),
+    )
     rays, reach_m, unobstructed = ring
     sensing, least, most, goals, believed, scales = senses
     range_errors, dropouts, places, travels = errors

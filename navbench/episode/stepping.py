@@ -18,6 +18,7 @@ from navbench.contract import Command, Observation, Setup
 from navbench.episode.loop import Drawn, EpisodeRunner
 from navbench.episode.perception import Perception, believe, read
 from navbench.episode.pilot import Pilot
+from navbench.memory import borrowed
 from navbench.records import RobotRecord
 from navbench.simulation.motion import RUNNING, Pipeline, Scenery, advance, set_command
 from navbench.simulation.planar import ROWS, PlanarSimulator, read_ring
@@ -261,12 +262,15 @@ def move(
         first: the first place to move.
         end: the place after the last one.
     """
-    rays, reach_m, unobstructed = ring
-    sensing, least, most = senses
-    distances, clearances = facts
+    rays, reach_m, unobstructed = borrowed(ring)
+    sensing, least, most = borrowed(senses)
+    distances, clearances = borrowed(facts)
+    ranges, known, outcomes = borrowed(ranges), borrowed(known), borrowed(outcomes)
     length, time, beams = sensing[0].length, sensing[0].time, np.empty((ROWS, rays.shape[0]))
     for place in range(first, end):
-        robots, pipeline, scenery, fixed, goals, believed, scales, noise, dropouts, travels, states = episodes[place]
+        robots, pipeline, scenery, fixed, goals, believed, scales, noise, dropouts, travels, states = borrowed(
+            episodes[place]
+        )
         radius_m, track_m, count, k = fixed[0].radius_m, fixed[0].track_m, robots.shape[0], periods[place]
         t_s, row = k * clock[0], 0
         dt_s = min(clock[0], clock[1] - t_s)

@@ -8,15 +8,14 @@ it are passed over at once, which saves most where rules stand in the order of a
 """
 
 import itertools
-import math
 from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from navbench.compiled import compiled
-from navbench.fuzzy.centroid import NEGLIGIBLE, centroid, divided
+from navbench.fuzzy.centroid import TERM, divided
+from navbench.fuzzy.mamdani import degrees_of, fire, infer, infer_and_fire
 from navbench.fuzzy.variables import Rules, Table, Term, Variable, number_rules, rules_from_table
 from navbench.policy import pack
 
@@ -30,182 +29,11 @@ __all__ = [
     "infer_and_fire",
     "memberships",
     "rules_from_table",
-    "slot_count",
 ]
 
 FloatArray = NDArray[np.float64]
 
 DEFUZZIFICATIONS = ("centroid", "weighted_mean_of_peaks")
-
-# What ``pack`` makes a rule base of, in this order. Terms are numbered through, the inputs' first.
-RANGES = 0  # (n_inputs, 3) low, high, period (0: not circular)
-SHAPES = 1  # (n_terms, 5) corners a, b, c, d; 1 if the ramps are smooth
-STARTS = 2  # (n_inputs + 1,) number of each input's first term, and of the first output term
-PREMISES = 3  # (n_rules, n_inputs) numbers of terms; n_terms stands for any
-SKIPS = 4  # (n_rules, n_inputs) the next rule with another premise up to this input
-CONCLUSIONS = 5  # (n_outputs, n_rules) numbers of terms; n_terms stands for none
-OUTPUTS = 6  # (n_outputs, 5) first piece, end of pieces, middle and half of the range, fallback
-PEAKS = 7  # (n_terms,)
-PIECES = 8  # (n_pieces, 7) of ``divided``, all outputs in a row
-WEIGHTED = 9  # (1,) 1 for the weighted mean of peaks, 0 for the centroid
-
-
-@compiled
-def _degree(x: float, base: FloatArray, at: int) -> float:
-    """Return the membership of x in the term whose shape stands at a place of the base."""
-    a, b, c, d = base[at], base[at + 1], base[at + 2], base[at + 3]
-    if x < a or x > d:
-        return 0.0
-    m = 1.0
-    if x < b:
-        m = (x - a) / (b - a)
-    elif x > c:
-        m = (d - x) / (d - c)
-    if base[at + 4] == 0.0:
-        return m
-    return 2.0 * m * m if m <= 0.5 else 1.0 - 2.0 * (1.0 - m) * (1.0 - m)
-
-
-@compiled
-def _fuzzify(x: float, base: FloatArray, i: int, degrees: FloatArray) -> None:
-    """Write the membership of x in the terms of the i-th input, after saturating or wrapping it."""
-    ends, starts, shapes = int(base[RANGES]) + 3 * i, int(base[STARTS]) + i, int(base[SHAPES])
-    low, high, period = base[ends], base[ends + 1], base[ends + 2]
-    if period == 0.0:
-        x = min(max(x, low), high)
-    elif x < low or x > high:
-        x = low + (x - low) % period
-    for t in range(int(base[starts]), int(base[starts + 1])):
-        at = shapes + 5 * t
-        degrees[t] = _degree(x, base, at)
-        if period > 0.0:  # a term past one end is met from the other
-            degrees[t] = max(degrees[t], _degree(x - period, base, at), _degree(x + period, base, at))
-
-
-@compiled
-def _memberships(x: FloatArray, base: FloatArray, n_terms: int) -> FloatArray:
-    degrees = np.empty((x.size, n_terms))
-    for k in range(x.size):
-        _fuzzify(x[k], base, 0, degrees[k])
-    return degrees
-
-
-@compiled
-def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, strengths: FloatArray) -> int:
-    """Write the degree of each input term and the strength of each rule; return which input is unusable, or -1."""
-    n_inputs = int(base[STARTS + 1] - base[STARTS]) - 1
-    for i in range(n_inputs):
-        if math.isnan(values[i]) or (math.isinf(values[i]) and base[int(base[RANGES]) + 3 * i + 2] > 0.0):
-            return i
-        _fuzzify(values[i], base, i, slots)
-    slots[-1] = 1.0  # any
-    strengths[:] = 0.0
-    premises, skips, r = int(base[PREMISES]), int(base[SKIPS]), 0
-    while r < strengths.size:
-        strength, at, following = 1.0, n_inputs * r, r + 1
-        for i in range(n_inputs):
-            strength = min(strength, slots[int(base[premises + at + i])])
-            if strength == 0.0:
-                following = int(base[skips + at + i])
-                break
-        strengths[r] = strength
-        r = following
-    return -1
-
-
-@compiled
-def _conclude(base: FloatArray, conclusions: int, weighted: bool, slots: FloatArray, strengths: FloatArray) -> None:
-    """Write the strengths by term of an output: their sum for the weighted mean, the largest for the centroid."""
-    slots[:] = 0.0
-    for r in range(strengths.size):
-        if strengths[r] > 0.0:
-            t = int(base[conclusions + r])
-            slots[t] = slots[t] + strengths[r] if weighted else max(slots[t], strengths[r])
-
-
-@compiled
-def _weighted_mean(base: FloatArray, peaks: int, slots: FloatArray) -> float:
-    """Return sum(strength * peak) / sum(strength) over the terms; NaN if none fired."""
-    total, moment = 0.0, 0.0
-    for t in range(slots.size - 1):
-        total += slots[t]
-        moment += slots[t] * base[peaks + t]
-    return moment / total if total > NEGLIGIBLE else math.nan
-
-
-@compiled
-def rule_count(base: FloatArray) -> int:
-    """Return how many rules there are."""
-    return int(base[SKIPS] - base[PREMISES]) // (int(base[STARTS + 1] - base[STARTS]) - 1)
-
-
-@compiled
-def slot_count(base: FloatArray) -> int:
-    """Return how much room an inference needs, beside that for the rules' strengths."""
-    return int(base[PEAKS + 1] - base[PEAKS]) + 1
-
-
-@compiled
-def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
-    """Write how strongly each rule fires for the crisp inputs, callable from compiled code.
-
-    Args:
-        base: ``FuzzyInference.base``.
-        values: (n_inputs,) inputs, as ``infer`` takes them.
-        strengths: (n_rules,) is written, unless an input is unusable.
-
-    Returns:
-        The number of the first unusable input, else -1.
-    """
-    return _fire(base, values, np.empty(slot_count(base)), strengths)
-
-
-@compiled
-def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
-    """Write the crisp outputs for the crisp inputs: the whole inference, callable from compiled code.
-
-    Args:
-        base: ``FuzzyInference.base``.
-        values: (n_inputs,) inputs; outside its range one saturates to the nearer end, or wraps if it is circular.
-        out: (n_outputs,) is written; all NaN if an input is unusable.
-
-    Returns:
-        The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
-    """
-    return infer_and_fire(base, values, out, np.empty(rule_count(base)), np.empty(slot_count(base)))
-
-
-@compiled
-def infer_and_fire(
-    base: FloatArray, values: FloatArray, out: FloatArray, strengths: FloatArray, slots: FloatArray
-) -> int:
-    """Do what ``infer`` does, and write how strongly each rule fires.
-
-    Args:
-        base: as for ``infer``.
-        values: as for ``infer``.
-        out: as for ``infer``.
-        strengths: (n_rules,) is written, unless an input is unusable.
-        slots: (``slot_count``,) room.
-
-    Returns:
-        As ``infer``.
-    """
-    unusable, n_outputs = _fire(base, values, slots, strengths), int(base[OUTPUTS + 1] - base[OUTPUTS]) // 5
-    if unusable >= 0:
-        out[:] = math.nan
-        return unusable
-    weighted, pieces = base[int(base[WEIGHTED])] > 0.0, int(base[PIECES])
-    for o in range(n_outputs):
-        at = int(base[OUTPUTS]) + 5 * o
-        _conclude(base, int(base[CONCLUSIONS]) + strengths.size * o, weighted, slots, strengths)
-        if weighted:
-            crisp = _weighted_mean(base, int(base[PEAKS]), slots)
-        else:
-            begin, end = pieces + 7 * int(base[at]), pieces + 7 * int(base[at + 1])
-            crisp = base[at + 2] + base[at + 3] * centroid(base, begin, end, slots)
-        out[o] = base[at + 4] if math.isnan(crisp) else crisp
-    return -1
 
 
 def _floats(values: ArrayLike) -> FloatArray:
@@ -231,7 +59,7 @@ def memberships(variable: Variable, x: ArrayLike) -> FloatArray:
     if not np.isfinite(points).all():
         raise ValueError("a membership is asked for at an x that is not finite")
     shapes = _shapes(variable)
-    return _floats(_memberships(points, pack(_bounds(variable), shapes, [0, len(shapes)]), len(shapes)).T)
+    return _floats(degrees_of(points, pack(_bounds(variable), shapes, [0, len(shapes)]), len(shapes)).T)
 
 
 def _skips(premises: FloatArray) -> FloatArray:
@@ -373,23 +201,27 @@ class FuzzyInference:
         shapes = [_shapes(variable) for variable in variables]
         n_inputs, rules = len(self.inputs), _floats(number_rules(self.rules, self.inputs, self.outputs))
         premises, conclusions = rules[:, :n_inputs], rules[:, n_inputs:]
-        outputs, pieces, stop = [], [], 0
+        outputs, pieces, windows, stop = [], [], np.zeros((starts[-1], 2)), 0
         for (name, variable), shape, start in zip(
             self.outputs.items(), shapes[n_inputs:], starts[n_inputs:], strict=False
         ):
             pieces.append(divided(variable.low, variable.high, shape, start))
-            first, stop = stop, stop + len(pieces[-1])
+            for term in np.unique(pieces[-1][:, TERM]).astype(int):
+                places = stop + np.flatnonzero(pieces[-1][:, TERM] == term)
+                windows[term] = places[0], places[-1] + 1
+            stop += len(pieces[-1])
             middle, half = 0.5 * (variable.low + variable.high), 0.5 * (variable.high - variable.low)
-            outputs.append((first, stop, middle, half, self.fallback[name]))
+            outputs.append((middle, half, self.fallback[name]))
         return pack(
             [_bounds(variable) for variable in self.inputs.values()],
             np.concatenate(shapes),
-            starts[: n_inputs + 1],
+            starts,
             premises,
             _skips(premises),
             conclusions.T,
             outputs,
             [term.peak for variable in variables for term in variable.terms.values()],
             np.concatenate(pieces),
+            windows,
             [self.defuzzification == "weighted_mean_of_peaks"],
         )

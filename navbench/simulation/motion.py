@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from navbench.compiled import compiled, compiled_inline
 from navbench.mathematics.geometry import distance_to_nearest_of, wrap_angle
 from navbench.mathematics.kinematics import lag_speed, ramp_speed
+from navbench.memory import borrowed
 from navbench.simulation.index import Index, nearby
 from navbench.simulation.touching import (
     BOX,
@@ -151,7 +152,8 @@ def advance(
         t_s: the period's beginning [s].
         dt_s: its length [s].
     """
-    issued, in_force, flight_s, flight, flying = pipeline
+    robots, scenery, fixed = borrowed(robots), borrowed(scenery), borrowed(fixed)
+    issued, in_force, flight_s, flight, flying = borrowed(pipeline)
     for i in range(robots.shape[0]):
         robots[i].left_travel_m, robots[i].right_travel_m = 0.0, 0.0
     flight_s[flying[0]] = t_s + fixed[0].delay_s

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled, compiled_for_vectors, compiled_inline, direct
-from navbench.mathematics.geometry import box_gap
+from navbench.mathematics.geometry import is_box_near
+from navbench.memory import borrowed
 from navbench.simulation.base import Simulator
 from navbench.simulation.index import nearby
 from navbench.simulation.motion import Scenery
@@ -70,6 +71,7 @@ def _read_rings(
     ranges: FloatArray,
 ) -> None:
     """Write what all running robots' rings measure, (n_robots, n_sensors), as ``read_ring``."""
+    robots, scenery, rays, beams, ranges = borrowed((robots, scenery, rays, beams, ranges))
     for i in range(robots.shape[0]):
         if robots[i].running:
             read_ring(robots, i, scenery, rays, reach_m, radius_m, beams, ranges[i])
@@ -133,7 +135,7 @@ def cast(
         free[k] = math.inf
     near_boxes, near_discs, near_polygons = nearby(x, y, scenery[8])
     for k in near_boxes:
-        if box_gap(x, y, boxes, k)[0] <= far:
+        if is_box_near(x, y, boxes, k, far):
             _stop_at_box(
                 ax, ay, ux, uy, free, boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3], boxes[k, 4], boxes[k, 5]
             )

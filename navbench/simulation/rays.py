@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from navbench.compiled import compiled, direct
 from navbench.mathematics.geometry import box_gap, distance_to_nearest
+from navbench.memory import borrowed
 from navbench.sensors import Sensors
 from navbench.world.grid import FreeArray, nearest_cell
 
@@ -172,6 +173,7 @@ def _deciding(
     asked: IntArray,
 ) -> int:
     """Write where each robot's numbers begin and where the last one's end, n + 1 places, then these; return the end."""
+    robots, rays, boxes, discs, polygons = borrowed((robots, rays, boxes, discs, polygons))
     hair = HAIR_RADII * radius_m
     least = np.empty(rays.shape[0])  # what each ray may read at least
     most = np.empty(rays.shape[0])  # what each sensor reads at most, by its number; no more sensors than rays

@@ -516,3 +516,14 @@ def test_a_wrong_table_is_refused(table: Any, message: str) -> None:
     speed = Variable.from_peaks({"stop": 0.0, "slow": 0.5}, 0.0, 1.0, shoulders=False)
     with pytest.raises(ValueError, match=message):
         rules_from_table(table, {"a": near_far, "b": near_far}, {"v": speed})
+
+
+def test_a_rule_base_that_is_too_large_for_the_stack_answers_as_its_first_rules_do() -> None:
+    def answer(terms: int) -> tuple[float, float]:
+        axis = Variable.from_peaks({f"t{i}": float(i) for i in range(terms)}, 0.0, terms - 1.0, shoulders=True)
+        output = Variable.from_peaks({"low": 0.0, "half": 1.0, "high": 2.0}, 0.0, 2.0, shoulders=False)
+        rules = [(f"t{i}", f"t{j}", ("low", "half", "high")[(i + j) % 3]) for i in range(terms) for j in range(terms)]
+        inference = FuzzyInference({"x": axis, "y": axis}, {"out": output}, rules, fallback={"out": 0.0})
+        return *inference(0.3, 1.2), inference.strengths(0.3, 1.2).sum()
+
+    assert answer(3) == answer(40)  # 9 and 1,600 rules

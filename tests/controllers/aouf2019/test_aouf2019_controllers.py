@@ -114,13 +114,13 @@ def drive(controller: Any, observations: Iterator[Observation]) -> list[tuple[Co
 
 
 def test_a_reading_becomes_a_point_in_the_robot_and_in_the_world() -> None:
-    in_robot = aouf2019.to_robot_frame(0.05, 0.05, math.pi / 2, aouf2019.sensor_point(0.1))
+    in_robot = aouf2019.to_robot_frame(aouf2019.frame(0.05, 0.05, math.pi / 2), aouf2019.sensor_point(0.1))
     assert in_robot == pytest.approx((0.05, 0.15))
-    assert aouf2019.to_world_frame(1.0, 2.0, math.pi / 2, in_robot) == pytest.approx((0.85, 2.05))
+    assert aouf2019.to_world_frame(aouf2019.frame(1.0, 2.0, math.pi / 2), in_robot) == pytest.approx((0.85, 2.05))
 
 
 def test_a_transform_keeps_distances() -> None:
-    a, b = (aouf2019.transform(0.3, -0.7, 2.2, v) for v in ((1.0, 2.0), (-0.5, 0.25)))
+    a, b = (aouf2019.transform(aouf2019.frame(0.3, -0.7, 2.2), v) for v in ((1.0, 2.0), (-0.5, 0.25)))
     assert math.dist(a, b) == pytest.approx(math.dist((1.0, 2.0), (-0.5, 0.25)))
 
 
@@ -188,7 +188,7 @@ def test_the_distance_error_of_a_slanted_wall_lies_across_it() -> None:
 def points_of(ranges: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(
         [
-            aouf2019.to_robot_frame(sensor.x_m, sensor.y_m, sensor.heading_rad, (reading, 0.0))
+            aouf2019.to_robot_frame(aouf2019.frame(sensor.x_m, sensor.y_m, sensor.heading_rad), (reading, 0.0))
             for sensor, reading in zip(SETUP.sensors, ranges, strict=True)
         ]
     )
