@@ -6,7 +6,7 @@ NEWER := build/trixie
 IMAGE := build/image
 STUDIES := aouf2019 zhao2017 zhao2018 nemeiksis2019 lei2014 papers
 
-.PHONY: run test test-newer test-container slow docs docs-media lint format clean tuned results
+.PHONY: run test warm test-newer test-container slow docs docs-media lint format clean tuned results
 
 run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 	$(BIN)/navbench controller=sflc world=deadlock
@@ -14,6 +14,10 @@ run: $(STAMP) ## one episode: S.F.L.C. in the U-shaped trap
 
 test: $(STAMP) ## all tests, on all cores
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+warm: $(STAMP) ## compile what most episodes need, once, before several processes do so side by side
+	rm -rf build/warm
+	$(BIN)/navbench -m controller=sflc world=deadlock simulator=planar,pybullet workers=0 hydra.sweep.dir=build/warm
 
 slow: $(STAMP) ## the commands of the pages that take minutes to hours
 	$(BIN)/python -m pytest -m slow

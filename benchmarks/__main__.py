@@ -20,8 +20,9 @@ from benchmarks.harness import Cell, Effort, Table
 from benchmarks.inference import inference
 from benchmarks.loops import closed_loop, shipped
 from benchmarks.rays import rays
-from benchmarks.resources import memory, shares, startup
-from benchmarks.scaling import scaling, workers
+from benchmarks.resources import memory, startup
+from benchmarks.scaling import isolation, scaling, workers
+from benchmarks.shares import shares
 
 SECTIONS: dict[str, Callable[[Effort], Table]] = {
     "loop": closed_loop,
@@ -32,6 +33,7 @@ SECTIONS: dict[str, Callable[[Effort], Table]] = {
     "rays": rays,
     "scaling": scaling,
     "workers": workers,
+    "isolation": isolation,
     "memory": memory,
     "startup": startup,
     "shares": shares,
@@ -39,7 +41,7 @@ SECTIONS: dict[str, Callable[[Effort], Table]] = {
 }
 PACKAGES = ("numpy", "numba", "pybullet", "navground", "ir-sim", "scikit-fuzzy")
 README = Path(__file__).with_name("README.md")
-QUICK = Effort(2, 0.001, is_quick=True)
+QUICK = Effort(1, 0.001, is_quick=True)
 HEAD = """# Speed, and how often intervals hold
 
 Written by `python -m benchmarks`, which measures this on your machine; `pip install -e '.[bench,gym]'` brings the

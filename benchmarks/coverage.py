@@ -51,6 +51,7 @@ FAILING = (0.0, 0.01, 0.1, 0.3)
 LIMIT_S = 100.0
 LONGER, COMMON = 1.1, (0.5, 0.9)  # of the first side of a pair, and what both share of their variance
 POINTS, FACTORS, SCRAMBLES = 64, 6, 2000
+DRAWS = 10_000_000  # of a truth that has no closed form
 FILES = Path(__file__).with_name("coverage.csv"), Path(__file__).with_name("coverage.png")
 
 Sampled = Iterable[tuple[float, Estimate]]  # truths, and what is told of samples of them
@@ -126,8 +127,8 @@ def either(rng: Rng, shape: tuple[int, int], common: float) -> tuple[FloatArray,
 
 @cache
 def mean_s(name: str, factor: float) -> float:
-    """Return the mean time up to the limit, of 10 million draws."""
-    ours, _ = times(name, np.random.default_rng(SEED), (1, 10_000_000))
+    """Return the mean time up to the limit, of ``DRAWS`` draws."""
+    ours, _ = times(name, np.random.default_rng(SEED), (1, DRAWS))
     return float(np.minimum(factor * ours, LIMIT_S).mean())
 
 
@@ -167,8 +168,8 @@ def values(name: str, is_paired: bool, rng: Rng, shape: tuple[int, int]) -> Floa
 
 @cache
 def median_s(name: str, is_paired: bool) -> float:
-    """Return a median's truth, of 10 million draws."""
-    return float(np.median(values(name, is_paired, np.random.default_rng(SEED), (1, 10_000_000))))
+    """Return a median's truth, of ``DRAWS`` draws."""
+    return float(np.median(values(name, is_paired, np.random.default_rng(SEED), (1, DRAWS))))
 
 
 @cache

@@ -16,14 +16,17 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.simulation.bullet import BulletSimulator
 
 FIELDS = {"1 robot": (1, 10), "3 robots": (3, 10), "50 robots": (50, 10), "1 robot, 50 discs": (1, 50)}
-SHIPPED = (
-    ("controller=sflc", "world=deadlock"),
-    ("controller=pid", "world=no_deadlock"),
-    ("controller=oa_to", "world=zhao2018_static"),
-    ("controller=multi_agent", "world=nemeiksis_rooms"),
-    ("controller=dual_layer", "world=lei_circle6"),
-    ("controller=oa_to", "world=swap_circle", "world.source.robots=100"),
-)
+SHIPPED = {
+    f"{cell[0].removeprefix('controller=')} in {cell[1].removeprefix('world=')}": cell
+    for cell in (
+        ("controller=sflc", "world=deadlock"),
+        ("controller=pid", "world=no_deadlock"),
+        ("controller=oa_to", "world=zhao2018_static"),
+        ("controller=multi_agent", "world=nemeiksis_rooms"),
+        ("controller=dual_layer", "world=lei_circle6"),
+        ("controller=oa_to", "world=swap_circle", "world.source.robots=100"),
+    )
+}
 
 
 def whole_episodes(runner: EpisodeRunner) -> Side:
@@ -102,7 +105,8 @@ def closed_loop(effort: Effort) -> Table:
 
 def shipped(effort: Effort) -> Table:
     """Measure the papers' controllers."""
-    cells = {f"{c[0][11:]} in {c[1][6:]}": c for c in SHIPPED[: effort.few(len(SHIPPED))]}
-    groups: dict[str, Callable[[ExitStack], Sides]] = {name: partial(of_cell, cell) for name, cell in cells.items()}
+    groups: dict[str, Callable[[ExitStack], Sides]] = {
+        name: partial(of_cell, cell) for name, cell in [*SHIPPED.items()][: effort.few(len(SHIPPED))]
+    }
     text = "Each paper's controller in a world of its paper; the last cell has 100 robots."
     return compare("Shipped controllers", text, "robot-steps", groups, effort)

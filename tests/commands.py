@@ -1,5 +1,6 @@
 """The command line as the tests call it: in a process of its own, or by the fixture ``command`` in this one."""
 
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,6 +26,16 @@ Command = Callable[..., Done]
 
 def in_a_process(folder: Path, *words: str) -> Done:
     done = subprocess.run([NAVBENCH, *words], cwd=folder, capture_output=True, text=True, check=False)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+def typed(command: Command, folder: Path, line: str) -> Done:
+    """Run a line as a reader types it; only what is no ``navbench`` needs a process of its own."""
+    program, *words = shlex.split(line, comments=True)
+    if program == "navbench":
+        return command(*words)
+    assert program == "python", line
+    done = subprocess.run([sys.executable, *words], cwd=folder, capture_output=True, text=True, check=False)
     return Done(done.returncode, done.stdout, done.stderr)
 
 

@@ -17,7 +17,9 @@ from navbench.world.layout import Layout
 from navbench.world.shapes import Disc
 
 
-def test_every_section_runs_and_finds_finite_figures(tmp_path: Path) -> None:
+def test_every_section_runs_and_finds_finite_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for size, small in (("coverage.DRAWS", 10_000), ("coverage.SCRAMBLES", 100), ("rays.CELLS", 400)):
+        monkeypatch.setattr(f"benchmarks.{size}", small)
     studies = tmp_path / "studies.csv"
     studies.write_text("papers,1234.5\n")
     tables = main(["--quick", "--studies", str(studies)], tmp_path / "README.md")

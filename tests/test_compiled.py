@@ -1,17 +1,22 @@
 """The cache of compiled functions: what it notices, where it lies, and what it survives.
 
 Each process here compiles two small functions of a copy of the tree: ``turn`` of a controller calls ``wrap`` of another
-file, and prints its value and how often its machine code came from the cache.
+file, and prints its value and how often its machine code came from the cache. They are forked from one that has
+imported numba, and nothing of navbench: that takes ten times as long as all else that they do.
 """
 
+import json
 import os
 import re
 import shutil
 import stat
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -48,20 +53,70 @@ def tree(tmp_path: Path) -> Path:
     return tree
 
 
-def start(tree: Path, program: str = CALL.format(OURS), **settings: str | None) -> "subprocess.Popen[str]":
-    """Start a process that sees the tree; a setting of None is no variable."""
+READY = """
+import json, os, signal, sys, tempfile, traceback
+import numba
+
+numba.njit(lambda x: x + 1.0)(1.0)
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+for line in sys.stdin:
+    place, environment, program = json.loads(line)
+    if os.fork():
+        continue
+    for descriptor, name in ((1, "out"), (2, "err")):
+        os.dup2(os.open(f"{place}.{name}", os.O_WRONLY | os.O_CREAT), descriptor)
+    os.environ.clear()
+    os.environ.update(environment)
+    os.chdir(os.path.dirname(place))
+    sys.path[1:1], tempfile.tempdir = environment["PYTHONPATH"].split(":"), None
+    try:
+        exec(program, {})
+    except BaseException:
+        traceback.print_exc()
+    sys.stdout.flush()
+    open(f"{place}.done", "x").close()
+    os._exit(0)
+"""
+NUMBERS = count()
+
+
+class Process(NamedTuple):
+    """A process that was started; beside this path lies what it says, and that it is done."""
+
+    place: Path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ready() -> Iterator[None]:
+    """Have a process that others are forked from."""
+    global forking
+    with subprocess.Popen([sys.executable, "-B", "-c", READY], stdin=subprocess.PIPE, text=True) as forking:
+        yield
+
+
+forking: "subprocess.Popen[str]"
+
+
+def environment_of(tree: Path, settings: dict[str, str | None]) -> dict[str, str]:
+    """Return what a process that sees the tree finds; a setting of None is no variable."""
     given = {"PYTHONPATH": f"{tree}:{tree.parent}", "NAVBENCH_CACHE_DIR": str(tree.parent / "cache")} | settings
-    environment = {name: value for name, value in (dict(os.environ) | given).items() if value is not None}
-    return subprocess.Popen(
-        [sys.executable, "-B", "-c", program],
-        env=environment, cwd=tree.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    return {name: value for name, value in (dict(os.environ) | given).items() if value is not None}
 
 
-def said(process: "subprocess.Popen[str]") -> str:
-    out, err = process.communicate()
-    assert (process.returncode, err) == (0, "")
-    return out.strip()
+def start(tree: Path, program: str = CALL.format(OURS), **settings: str | None) -> Process:
+    """Start a process that sees the tree."""
+    process = Process(tree.parent / f"process-{next(NUMBERS)}")
+    assert forking.stdin
+    print(json.dumps([str(process.place), environment_of(tree, settings), program]), file=forking.stdin, flush=True)
+    return process
+
+
+def said(process: Process) -> str:
+    while not process.place.with_suffix(".done").exists():
+        assert forking.poll() is None
+        time.sleep(0.005)
+    assert process.place.with_suffix(".err").read_text() == ""
+    return process.place.with_suffix(".out").read_text().strip()
 
 
 def kept(cache: Path) -> list[Path]:
@@ -177,7 +232,10 @@ def test_only_the_last_used_states_of_the_sources_are_kept(tree: Path) -> None:
 
 def test_python_can_step_through_a_function_that_is_not_compiled(tree: Path) -> None:
     program = f"from {OURS} import turn; print(turn(1.0), type(turn).__name__)"
-    assert said(start(tree, program, NUMBA_DISABLE_JIT="1")) == "20.0 function"
+    environment = environment_of(tree, {"NUMBA_DISABLE_JIT": "1"})
+    command = [sys.executable, "-B", "-c", program]
+    done = subprocess.run(command, env=environment, cwd=tree.parent, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("20.0 function\n", "")
     assert kept(tree.parent / "cache") == []
 
 

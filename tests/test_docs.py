@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from commands import Command, Done
+from commands import Command, typed
 from pages import PAGES, ROOT, blocks_of, write_files
 
 from navbench.experiments.columns import TABLES
@@ -35,15 +34,6 @@ def _file(module: object) -> str:
     return str(getattr(module, "__file__", ""))
 
 
-def run(command: Command, folder: Path, line: str) -> Done:
-    words = shlex.split(line, comments=True)
-    if words[0] == "navbench":
-        return command(*words[1:])
-    assert words[0] == "python", line
-    done = subprocess.run([sys.executable, *words[1:]], cwd=folder, capture_output=True, text=True, check=False)
-    return Done(done.returncode, done.stdout, done.stderr)
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_command_of_a_page_works(
     page: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -52,7 +42,7 @@ def test_every_command_of_a_page_works(
     write_files(page, tmp_path)
     for block in blocks_of(page):
         for line in [] if block.mark else block.commands:
-            done = run(command, tmp_path, line)
+            done = typed(command, tmp_path, line)
             assert done.code == 0, f"{line}: {done.err}"
             assert "controller_error" not in done.out
             assert block.language == "sh" or block.printed in done.out, f"{line} prints {done.out}"

@@ -53,9 +53,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_metric_in_one_file_is_in_the_table_the_csv_file_and_the_report(folder: Path) -> None:
+def test_a_metric_in_one_file_is_in_the_table_the_csv_file_and_the_report(folder: Path, command: Command) -> None:
     words = ("episodes=6", "workers=2", "start_jitter_m=0.05", "metrics=[own_metrics.detour]")
-    done = in_a_process(folder, *WORDS, *words, "hydra.run.dir=out")
+    done = command(*WORDS, *words, "hydra.run.dir=out")
     assert done.code == 0, done.err
     heads, _, values, *_ = done.out.splitlines()
     assert heads.split()[-1] == "detour"

@@ -185,8 +185,10 @@ def test_rows_that_the_manifest_does_not_know_are_left_out(theirs: Path, command
 # What is imported
 
 
-def test_what_lies_in_the_working_directory_is_not_imported_unless_it_is_named(tmp_path: Path) -> None:
-    assert in_a_process(tmp_path, *RUN, "hydra.run.dir=here").code == 0
+def test_what_lies_in_the_working_directory_is_not_imported_unless_it_is_named(
+    tmp_path: Path, command: Command
+) -> None:
+    assert command(*RUN, "hydra.run.dir=here").code == 0
     for name in ("numexpr", "bottleneck", "hydra_plugins/evil", "hydra_plugins/__init__", "sitecustomize"):
         file = tmp_path / f"{name}.py"
         file.parent.mkdir(exist_ok=True)

@@ -1,14 +1,11 @@
 """Templates: each is written, runs with the command that is printed, and passes its own test."""
 
 import re
-import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
-from commands import NAVBENCH, Command
+from commands import Command, typed
 
 from navbench.cli import new as module
 from navbench.sources import check_sources
@@ -26,8 +23,11 @@ def files_in(folder: Path) -> list[str]:
     return sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
 
 
-@pytest.mark.parametrize(("group", "more"), [*((group, ()) for group in WRITTEN), ("controller", ("compiled=true",))])
-def test_a_template_runs_with_the_printed_command_and_passes_its_own_test(
+MADE = [*((group, ()) for group in WRITTEN), ("controller", ("compiled=true",))]
+
+
+@pytest.mark.parametrize(("group", "more"), MADE)
+def test_a_template_runs_with_the_printed_command(
     group: str, more: tuple[str, ...], tmp_path: Path, command: Command
 ) -> None:
     done = command("new", group, "mine", *more)
@@ -35,13 +35,23 @@ def test_a_template_runs_with_the_printed_command_and_passes_its_own_test(
     assert files_in(tmp_path) == sorted(WRITTEN[group])
     printed = dict(re.findall(r"^(\w+) it: +(.*)$", done.out, re.M))
     assert set(printed) == {"run", "test", *(["check"] if group == "controller" else [])}
-    programs = {"navbench": [NAVBENCH], "python": [sys.executable]}
+    assert printed.pop("test") == f"python -m pytest test_{group}_mine.py"
     for line in printed.values():
-        program, *words = shlex.split(line)
-        ran = subprocess.run([*programs[program], *words], cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert ran.returncode == 0, ran.stdout + ran.stderr
-        assert "controller_error" not in ran.stdout
-    assert "FAIL" not in ran.stdout
+        ran = typed(command, tmp_path, line)
+        assert ran.code == 0, ran.out + ran.err
+        assert "controller_error" not in ran.out
+        assert "FAIL" not in ran.out
+
+
+def test_every_template_passes_its_own_test(tmp_path: Path, command: Command) -> None:
+    for group, more in MADE:
+        assert command("new", group, "quick" if more else "mine", *more).code == 0
+    tests = sorted(file.name for file in tmp_path.glob("test_*.py"))
+    assert len(tests) == len(MADE)
+    ran = typed(command, tmp_path, f"python -m pytest {' '.join(tests)}")
+    assert ran.code == 0, ran.out + ran.err
+    assert all(f"{name} ." in ran.out for name in tests), ran.out
+    assert "skipped" not in ran.out
 
 
 @pytest.mark.parametrize("group", [group for group in WRITTEN if group != "study"])

@@ -242,11 +242,10 @@ def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) ->
     assert cells(compose_study("together", str(tmp_path))) == cells(compose_study("smoke"))
 
 
-def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path) -> None:
-    command = [NAVBENCH, "tune", "controller=pid", "tuner=pso", "objective=ise", "world=no_deadlock", "workers=1"]
-    command.append("simulator=pybullet")
-    done = subprocess.run([*command, "hydra.run.dir=tuned"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path, command: Command) -> None:
+    words = ("controller=pid", "tuner=pso", "objective=ise", "world=no_deadlock", "simulator=pybullet", "workers=1")
+    done = command("tune", *words, "hydra.run.dir=tuned")
+    assert done.code == 0, done.err
     committed = Path(__file__).parents[2] / "conf/controller/pso_pid.yaml"
     assert (tmp_path / "tuned/conf/controller/pso_pid.yaml").read_text() == committed.read_text()
     assert (tmp_path / "tuned/convergence.png").stat().st_size > 1000
@@ -293,7 +292,7 @@ def test_a_wrong_tuning_is_refused_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_cost_that_is_no_number_is_refused(tmp_path: Path) -> None:
+def test_a_cost_that_is_no_number_is_refused(tmp_path: Path, command: Command) -> None:
     (tmp_path / "blind.py").write_text(
         "class Blind:\n"
         "    trace = {'heading_error_rad': float('nan')}\n"
@@ -307,10 +306,10 @@ def test_a_cost_that_is_no_number_is_refused(tmp_path: Path) -> None:
         "tunable: {gain: {low: 0.1, high: 1.0, scale: log}}\n"
     )
     words = ["--config-dir", "conf", "controller=blind", "tuner=random", "workers=1", "world.time_limit_s=1.0"]
-    done = subprocess.run([NAVBENCH, "tune", *words], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "navbench: cost of evaluation 0=nan: must be finite" in done.stderr
-    assert "Traceback" not in done.stderr
+    done = command("tune", *words)
+    assert done.code == 2
+    assert "navbench: cost of evaluation 0=nan: must be finite" in done.err
+    assert "Traceback" not in done.err
 
 
 def test_there_are_committed_results() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from commands import Command
 from stored import metrics_of
 
 from navbench.cli.study_configuration import compose_tuning
@@ -20,7 +21,6 @@ from navbench.tuning.space import Choice, Dimension
 from navbench.validation import DescriptionError, describe
 
 CONF = Path(__file__).parents[2] / "conf"
-NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 
 MODULE = '''
 """A controller that turns towards its goal by a gain and by a rule, and what mends its parameters."""
@@ -113,9 +113,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def navbench(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [NAVBENCH, *words, "--config-dir", "conf"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+@pytest.fixture
+def navbench(folder: Path, command: Command) -> Command:
+    """The command line in the user's folder, with what lies there."""
+    return lambda *words: command(*words, "--config-dir", "conf")
 
 
 # ---- what there is to tune
@@ -204,11 +205,11 @@ def test_a_wrong_tunable_is_refused_in_one_line(there: str, wrong: str, message:
     assert "\n" not in str(refused.value)
 
 
-def test_the_command_line_refuses_a_wrong_tunable_with_exit_2(folder: Path) -> None:
-    done = navbench(folder, "tune", *WORDS, "controller.build.rules.turn.left=up")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("navbench: controller.build.rules.turn.left='up': must be one of hard_right, ")
-    assert len(done.stderr.splitlines()) == 1
+def test_the_command_line_refuses_a_wrong_tunable_with_exit_2(folder: Path, navbench: Command) -> None:
+    done = navbench("tune", *WORDS, "controller.build.rules.turn.left=up")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("navbench: controller.build.rules.turn.left='up': must be one of hard_right, ")
+    assert len(done.err.splitlines()) == 1
 
 
 # ---- what a tuning keeps and writes
@@ -219,11 +220,13 @@ def parts_of(path: Path) -> dict[str, bytes]:
     return {str(file.relative_to(path)): file.read_bytes() for kind in kinds for file in (path / kind).iterdir()}
 
 
-def test_a_tuning_of_choices_is_the_same_with_one_worker_and_with_two_and_writes_names(folder: Path) -> None:
+def test_a_tuning_of_choices_is_the_same_with_one_worker_and_with_two_and_writes_names(
+    folder: Path, navbench: Command
+) -> None:
     for workers in ("1", "2"):
-        done = navbench(folder, "tune", *WORDS, f"workers={workers}", f"hydra.run.dir=with_{workers}")
-        assert done.returncode == 0, done.stderr
-        assert "  rules.turn.left: " in done.stdout
+        done = navbench("tune", *WORDS, f"workers={workers}", f"hydra.run.dir=with_{workers}")
+        assert done.code == 0, done.err
+        assert "  rules.turn.left: " in done.out
     assert parts_of(folder / "with_1") == parts_of(folder / "with_2")
     assert (folder / "with_1/convergence.png").stat().st_size > 1000
 
@@ -248,8 +251,8 @@ def test_a_tuning_of_choices_is_the_same_with_one_worker_and_with_two_and_writes
     assert content["sources"] == {"build.gains": told, "build.rules.turn": told}
 
     (folder / "with_1/conf/controller/ga_steer.yaml").rename(folder / "conf/controller/ga_steer.yaml")
-    again = navbench(folder, "controller=ga_steer", "world=aside", "hydra.run.dir=again")
-    assert again.returncode == 0, again.stderr
+    again = navbench("controller=ga_steer", "world=aside", "hydra.run.dir=again")
+    assert again.code == 0, again.err
     assert Results(folder / "again").episodes()["time_s"].tolist() == [best["cost"]]
 
 
@@ -264,9 +267,9 @@ def test_every_evaluation_meets_the_same_episodes(folder: Path) -> None:
     assert len(costs) == len({pause for pause, _ in costs}) == len({evaluation.cost for _, evaluation in costs}) == 6
 
 
-def test_the_best_is_run_again_in_pybullet_and_over_fresh_episodes(folder: Path) -> None:
-    done = navbench(folder, "tune", *WORDS[:-1], *JITTER, "budget=30", "workers=1", "hydra.run.dir=done")
-    assert done.returncode == 0, done.stderr
+def test_the_best_is_run_again_in_pybullet_and_over_fresh_episodes(folder: Path, navbench: Command) -> None:
+    done = navbench("tune", *WORDS[:-1], *JITTER, "budget=30", "workers=1", "hydra.run.dir=done")
+    assert done.code == 0, done.err
     checks = Results(folder / "done").checks()
     assert checks[["kind", "simulator", "first_episode", "episodes"]].to_numpy().tolist() == [
         ["searched", "planar", 0, 2],
@@ -278,13 +281,13 @@ def test_the_best_is_run_again_in_pybullet_and_over_fresh_episodes(folder: Path)
     (folder / "done/conf/controller/ga_steer.yaml").rename(folder / "conf/controller/ga_steer.yaml")
     for i, simulator in ((2, "planar"), (3, "pybullet")):
         words = ["controller=ga_steer", "world=aside", *JITTER, "episodes=4", f"simulator={simulator}"]
-        again = navbench(folder, *words, f"hydra.run.dir={simulator}")
-        assert again.returncode == 0, again.stderr
+        again = navbench(*words, f"hydra.run.dir={simulator}")
+        assert again.code == 0, again.err
         rows = Results(folder / simulator).episodes().iloc[2:]
         assert set(rows["outcome"]) == {"reached"}
         assert checks["cost"].iloc[i] == pytest.approx(rows["time_s"].mean(), abs=1e-12)
     for kind in ("searched (planar)", "verified (pybullet)", "fresh (planar)", "fresh (pybullet)"):
-        assert f"  {kind} " in done.stdout
+        assert f"  {kind} " in done.out
 
 
 def test_a_tuning_is_verified_in_the_same_further_worlds_and_with_the_same_words(folder: Path) -> None:
@@ -319,9 +322,11 @@ def test_another_simulator_to_verify_in_makes_another_tuning(folder: Path) -> No
         ("verify=3", "verify=3: must be one name; `navbench list simulator` prints them, or null for none"),
     ],
 )
-def test_an_unknown_simulator_to_verify_in_is_refused_in_one_line(word: str, said: str, folder: Path) -> None:
-    done = navbench(folder, "tune", *WORDS, word, "hydra.run.dir=done")
-    assert (done.returncode, done.stderr) == (2, f"navbench: {said}\n")
+def test_an_unknown_simulator_to_verify_in_is_refused_in_one_line(
+    word: str, said: str, folder: Path, navbench: Command
+) -> None:
+    done = navbench("tune", *WORDS, word, "hydra.run.dir=done")
+    assert (done.code, done.err) == (2, f"navbench: {said}\n")
     assert not (folder / "done").exists()
 
 
@@ -353,11 +358,11 @@ def test_what_a_controller_has_as_a_whole_number_is_searched_as_one(tuner: str, 
     assert 1 in columns["pause"]
 
 
-def test_the_file_of_a_tuned_controller_has_a_whole_number_as_one(folder: Path) -> None:
+def test_the_file_of_a_tuned_controller_has_a_whole_number_as_one(folder: Path, navbench: Command) -> None:
     (folder / "conf/controller/pausing.yaml").write_text(PAUSING)
     words = ["controller=pausing", "tuner=random", "objective=time", "world=empty", "world.time_limit_s=2.0"]
-    done = navbench(folder, "tune", *words, "budget=30", "workers=1", "hydra.run.dir=done", "verify=null")
-    assert done.returncode == 0, done.stderr
+    done = navbench("tune", *words, "budget=30", "workers=1", "hydra.run.dir=done", "verify=null")
+    assert done.code == 0, done.err
     content = yaml.safe_load((folder / "done/conf/controller/random_pausing.yaml").read_text())
     assert content["build"] == {"pause": 1}
     assert type(content["build"]["pause"]) is int
@@ -437,13 +442,15 @@ def test_a_further_world_is_run_with_the_same_words(folder: Path) -> None:
     assert (second.episodes, second.seed) == (2, 4)
 
 
-def test_the_file_of_a_tuned_controller_holds_what_the_words_set_and_tells_them(folder: Path) -> None:
+def test_the_file_of_a_tuned_controller_holds_what_the_words_set_and_tells_them(
+    folder: Path, navbench: Command
+) -> None:
     given = ["controller.build.rules.turn.left=left", "simulator.drive=limited"]
     words = [*WORDS[:-1], *given, "budget=30", "name=mine", "workers=1", "hydra.run.dir=done"]
-    done = navbench(folder, "tune", *words, "controller.tunable={}", "~controller.tunable.rules", "~controller.repair")
-    assert done.returncode == 0, done.stderr
+    done = navbench("tune", *words, "controller.tunable={}", "~controller.tunable.rules", "~controller.repair")
+    assert done.code == 0, done.err
     beside = "copy it beside conf/controller/steer.yaml, and use it with --config-dir conf controller=mine"
-    assert beside in done.stdout
+    assert beside in done.out
     content = yaml.safe_load((folder / "done/conf/controller/mine.yaml").read_text())
     assert content["build"]["rules"] == {"turn": {"left": "left"}}
     assert set(content["sources"]) == {"build.gains", "build.rules.turn.left"}
@@ -454,20 +461,20 @@ def test_the_file_of_a_tuned_controller_holds_what_the_words_set_and_tells_them(
     assert "hydra" not in told
 
     (folder / "done/conf/controller/mine.yaml").rename(folder / "conf/controller/mine.yaml")
-    again = navbench(folder, "controller=mine", "world=aside", "simulator.drive=limited", "hydra.run.dir=again")
-    assert again.returncode == 0, again.stderr
+    again = navbench("controller=mine", "world=aside", "simulator.drive=limited", "hydra.run.dir=again")
+    assert again.code == 0, again.err
     (row,) = Results(folder / "again").episodes().to_dict("records")
     assert (row["outcome"], row["time_s"]) == ("reached", Results(folder / "done").evaluations()["cost"].min())
 
 
-def test_a_repair_that_fails_under_way_is_named_and_nothing_is_left(folder: Path) -> None:
+def test_a_repair_that_fails_under_way_is_named_and_nothing_is_left(folder: Path, navbench: Command) -> None:
     late = "\n\nclass Late(Ordered):\n    calls = 0\n\n    def __call__(self, values):\n        self.calls += 1\n"
     late += "        return {} if self.calls > 40 else super().__call__(values)\n"
     (folder / "toy_steering.py").write_text(MODULE + late)
     before = sorted(folder.rglob("*.*"))
-    done = navbench(folder, "tune", *WORDS, "controller.repair._target_=toy_steering.Late", "workers=1")
-    assert done.returncode == 2
-    assert done.stderr.splitlines()[-1].startswith("navbench: controller.repair: must return a value for each of the 6")
+    done = navbench("tune", *WORDS, "controller.repair._target_=toy_steering.Late", "workers=1")
+    assert done.code == 2
+    assert done.err.splitlines()[-1].startswith("navbench: controller.repair: must return a value for each of the 6")
     assert [file for file in sorted(folder.rglob("*.*")) if file.suffix != ".pyc"] == before
     assert not (folder / "outputs").exists()
 
@@ -482,11 +489,11 @@ cells:
 """
 
 
-def test_a_study_runs_the_choices_that_its_tunings_made(folder: Path) -> None:
+def test_a_study_runs_the_choices_that_its_tunings_made(folder: Path, navbench: Command) -> None:
     (folder / "conf/study").mkdir()
     (folder / "conf/study/steering.yaml").write_text(STUDY)
-    done = navbench(folder, "study", "steering", "workers=1")
-    assert done.returncode == 0, done.stderr
+    done = navbench("study", "steering", "workers=1")
+    assert done.code == 0, done.err
     results = Results(folder / "outputs/study/steering")
     rows, cells = results.evaluations(), results.manifest()["cells"]
     assert len(cells) == 2

@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from commands import Command
 from stored import a_cell, a_record, store, told
 from test_reports import CLAIM, STUDY
 
@@ -19,7 +20,6 @@ from navbench.report.joined import read_claims, read_study, write_joined
 from navbench.report.reports import write_report
 from navbench.validation import DescriptionError
 
-NAVBENCH = str(Path(sys.executable).with_name("navbench"))
 GROUPS = {"one paper": ["plain"], "another": ["other"]}
 
 
@@ -113,11 +113,9 @@ def test_the_errata_of_all_papers_stand_in_one_list(joined: Path) -> None:
     assert rows == [["one1999", "eq. 1", "a \\| b", "c"], ["two2001", "Table 7", "a \\| b", "c"]]
 
 
-def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
-        [NAVBENCH, "report", "join=results"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout) == (0, "report: results/README.md\n"), done.stderr
+def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined: Path, command: Command) -> None:
+    done = command("report", "join=results")
+    assert (done.code, done.out) == (0, "report: results/README.md\n"), done.err
     first = (joined / "README.md").read_bytes()
     code = (
         "import sys\n"
@@ -145,14 +143,16 @@ def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined:
         ),
     ],
 )
-def test_a_wrong_joining_is_refused_in_one_line(words: list[str], message: str, tmp_path: Path) -> None:
+def test_a_wrong_joining_is_refused_in_one_line(
+    words: list[str], message: str, tmp_path: Path, command: Command
+) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "results").mkdir()
-    done = subprocess.run([NAVBENCH, "report", *words], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.startswith("navbench: ")
-    assert message in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    done = command("report", *words)
+    assert done.code == 2
+    assert done.err.startswith("navbench: ")
+    assert message in done.err
+    assert len(done.err.strip().splitlines()) == 1
 
 
 @pytest.mark.parametrize(
