@@ -18,7 +18,13 @@ SIDE_INCHES, WORDS_INCHES = 6.0, 1.0  # the longer side of a picture of one path
 
 
 def spells_on_path(
-    page: Page, *, select: Select, column: str, values: Mapping[str, float], least_periods: int
+    page: Page,
+    *,
+    select: Select,
+    column: str,
+    values: Mapping[str, float],
+    least_periods: int,
+    names: Mapping[int, str] | None = None,
 ) -> Blocks:
     """Return one run's path, coloured by the value of a column, and a table of its spells.
 
@@ -27,6 +33,7 @@ def spells_on_path(
         column: the column, such as the active agent.
         values: what each of its values is called.
         least_periods: shorter spells are drawn and left out of the table.
+        names: what a paper calls the place where some of the spells begin, by the spell's number.
     """
     row = page.first(select)
     path = page.stored.trajectory(row)
@@ -35,9 +42,10 @@ def spells_on_path(
     draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
     held = path[column].to_numpy()[:-1]
     draw_pieces(ax, path, {called: np.append(held == value, False) for called, value in values.items()}, 2.4)
-    names = {value: called for called, value in values.items()}
+    drives = {value: called for called, value in values.items()}
+    places = dict(names or {})
     rows = [
-        [i, names[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
+        [places.get(i, i), drives[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
         for i, spell in enumerate(spells(held, least_periods))
     ]
     robot = page.robot(row["run_id"])
@@ -46,9 +54,9 @@ def spells_on_path(
     draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     left_m, right_m = ax.get_xlim()
-    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [path])
-    places = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
-    columns = [Column("", "number"), Column(column, column), *places, Column("periods", "periods")]
+    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows[1:]], NEAR * (right_m - left_m), [path])
+    begun = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
+    columns = [Column("", "number"), Column(column, column), *begun, Column("periods", "periods")]
     return [page.plot(figure), page.table(columns, rows)]
 
 

@@ -46,6 +46,7 @@ SECTIONS: Mapping[str, Section] = {
     "wheel_velocities": wheels.wheel_velocities,
     "memberships": described.memberships,
     "rules": described.rules,
+    "rule_grid": described.rule_grid,
     "tuners_compared": convergence.tuners_compared,
     "success_map": crossing.success_map,
     "crossed_tables": crossing.crossed_tables,
