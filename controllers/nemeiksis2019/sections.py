@@ -24,7 +24,7 @@ def spells_on_path(
     column: str,
     values: Mapping[str, float],
     least_periods: int,
-    names: Mapping[int, str] | None = None,
+    names: Mapping[int | str, str] | None = None,
 ) -> Blocks:
     """Return one run's path, coloured by the value of a column, and a table of its spells.
 
@@ -43,9 +43,9 @@ def spells_on_path(
     held = path[column].to_numpy()[:-1]
     draw_pieces(ax, path, {called: np.append(held == value, False) for called, value in values.items()}, 2.4)
     drives = {value: called for called, value in values.items()}
-    places = dict(names or {})
+    places = {str(number): name for number, name in (names or {}).items()}  # a manifest's keys are words
     rows = [
-        [places.get(i, i), drives[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
+        [places.get(str(i), i), drives[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
         for i, spell in enumerate(spells(held, least_periods))
     ]
     robot = page.robot(row["run_id"])

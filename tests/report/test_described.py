@@ -187,7 +187,7 @@ def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> N
         column="behavior",
         values={"go": 0.0, "follow": 1.0},
         least_periods=1,
-        names={2: "P1"},
+        names={"2": "P1"},
     )
     table = pd.read_csv(tmp_path / "tables/w.csv")
     assert table["number"].tolist() == ["0", "1", "P1"]
