@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from navbench.analysis.traces import spells
-from navbench.analysis.verdicts import judged
-from navbench.report.claims import measured_figure, printed_figure
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.drawing import draw_circle, draw_world
 from navbench.report.figures import new_figure
@@ -72,15 +70,3 @@ def counts(page: Page, *, table: str, by: Sequence[str]) -> Blocks:
     columns = [Column(name.replace("_", " ")) for name in counted.columns]
     data = Data(list(described.columns), described.to_numpy(dtype=object).tolist())
     return [page.table(columns, counted.astype(str).to_numpy().tolist(), data)]
-
-
-def printed_beside(page: Page, *, claims: Sequence[str]) -> Blocks:
-    """Return what the paper prints of some claims beside what was measured.
-
-    Args:
-        claims: what their ids begin with.
-    """
-    table = judged(page.stored, trust=page.trust)
-    chosen = table[table["id"].str.startswith(tuple(claims))].to_dict("records")
-    rows = [[one["statement"], one["where"], printed_figure(one), measured_figure(one)] for one in chosen]
-    return [page.table([Column("what"), Column("where"), Column("printed"), Column("here")], rows)]

@@ -33,6 +33,7 @@ SECTIONS: Mapping[str, Section] = {
     "findings": claims.findings,
     "verdicts": claims.verdicts,
     "printed_table": claims.printed_table,
+    "printed_beside": claims.printed_beside,
     "summary": tables.summary,
     "comparison": comparison.comparison,
     "failures": tables.failed,

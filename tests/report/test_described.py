@@ -15,6 +15,7 @@ from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
 from navbench.experiments.store import Results
 from navbench.records import RobotRecord
 from navbench.report import page
+from navbench.report.claims import printed_beside
 from navbench.report.described import rule_grid
 from navbench.report.outcomes import robustness
 
@@ -196,3 +197,25 @@ def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> N
     drawn = (tmp_path / "figures/w.svg").read_text()
     assert "<!-- 1, P1 -->" in drawn or ">1, P1<" in drawn
     assert "figures/w.png" in text
+
+
+def test_claims_of_one_kind_stand_with_what_is_printed_beside_what_was_measured(tmp_path: Path) -> None:
+    asked = {"metric": "time_s", "label": "A"}
+    claim = {
+        "says": "how long",
+        "where": "Fig 1",
+        "printed": "9.5 s",
+        "within": "5 %",
+        "measure": "median",
+        "of": asked,
+    }
+    study = {
+        "name": "s",
+        "title": "S",
+        "claims": {"time-a": claim, "other": {**claim, "says": "besides"}},
+        "report": [],
+    }
+    reading = store(tmp_path / "in", [(a_cell("A"), [a_record(time_s=10.0)])], study)
+    text = told(printed_beside, reading, tmp_path, claims=["time-"])
+    assert "| how long | Fig 1 | 9.5 s | 10 |" in text
+    assert "besides" not in text
