@@ -23,7 +23,7 @@ BESIDE_POINTS = (12.0, 19.0, 28.0)  # from a place to the middle of the word bes
 CLEAR_POINTS = 3.0  # of room suffice
 LETTER_POINTS = 3.0  # half a letter's width
 POINTS_PER_INCH = 72.0
-TRIANGLE = ((0.6, 0.0), (-0.3, 0.35), (-0.3, -0.35))  # of a mark: forwards and to the left of its place, in radii
+TRIANGLE = ((0.46, 0.0), (-0.23, 0.28), (-0.23, -0.28))  # of a mark: forwards and to the left of its place, in radii
 
 
 def cut(ax: "Axes", trajectories: Sequence["pd.DataFrame"], radius_m: float, square: bool = True) -> float:

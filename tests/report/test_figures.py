@@ -192,7 +192,7 @@ def test_marks_stand_where_the_robot_is_at_each_interval_and_point_where_it_head
     assert corners.mean(axis=1) == pytest.approx(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
     tips = corners[:, 0] - corners.mean(axis=1)
     assert np.arctan2(tips[:, 1], tips[:, 0]) == pytest.approx([0.0, 0.0, math.pi / 3.0])
-    assert np.hypot(*tips.T) == pytest.approx(0.6 * 0.4)
+    assert np.hypot(*tips.T) == pytest.approx(0.46 * 0.4)
 
 
 def test_a_controller_tuned_more_than_once_is_marked_once(tmp_path: Path, kept: list[Figure]) -> None:
