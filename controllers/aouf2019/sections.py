@@ -1,28 +1,59 @@
-"""The sections of aouf2019's report: phases of its arbitration, speeds over time, its control surface, speed sweeps."""
+"""The sections of aouf2019's report: its vectors, phases of its arbitration, speeds, control surface, speed sweeps."""
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navbench.analysis.stored import reached
+from navbench.contract import Pose
 from navbench.controllers.aouf2019.behaviors import FOLLOW_WALL
+from navbench.controllers.aouf2019.equations import (
+    Vector,
+    avoidance_vector,
+    blend,
+    distance_error,
+    following_vector,
+    goal_vector,
+    heading_error,
+    heading_of,
+    perpendicular_to_wall,
+    points_seen,
+    unit,
+    wall_points,
+    wall_vector,
+)
 from navbench.controllers.aouf2019.measures import phases_of
+from navbench.report.bodies import draw_body
 from navbench.report.claims import printed_figures
 from navbench.report.comparison import compared
 from navbench.report.document import Blocks, Column
-from navbench.report.drawing import draw_world
+from navbench.report.drawing import draw_robot, draw_world
 from navbench.report.figures import PALETTE, label_legend, nested_width, new_figure
 from navbench.report.page import Page, Select
 from navbench.report.paths import cut, draw_pieces, number_places
+from navbench.sensors import Sensors
+from navbench.simulation.options import SimulatorOptions
+from navbench.simulation.planar import PlanarSimulator
+from navbench.validation import describe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FloatArray = NDArray[np.float64]
 MARKERS = ("o", "s", "^", "D")
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 SWEPT = "#444444"
+AROUND_M, UNIT_M = 0.27, 0.15  # what a picture of vectors shows to each side, and how long it draws a direction
+INSTANTS = (
+    Column("t", "t_s", "s", 2),
+    Column("behaviour", "behavior"),
+    Column("vector", "vector"),
+    Column("heading error by eqs 7 to 24", "heading_error_deg", "degrees", 3),
+    Column("as the run noted it", "traced_deg", "degrees", 3),
+)
 PHASES = (
     Column("", "number"),
     Column("phase", "phase"),
@@ -73,6 +104,136 @@ def _draw_reading(ax: "Axes", page: Page, select: Select, metric: str, row: int,
         height = row + 0.16 * (i - 1)
         ax.plot([values.min(), values.max()], [height, height], color=PALETTE[i], linewidth=1.5)
         ax.plot(values.median(), height, MARKERS[i], color=PALETTE[i], markersize=6)
+
+
+def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -> Blocks:
+    """Return the paper's Figs 1 to 9: the robot, and at two instants of a run what its equations make of its readings.
+
+    Args:
+        select: one cell of one episode.
+        approach_s: a control period on the way to the goal with something in reach [s].
+        follow_s: one along a wall [s].
+    """
+    row = page.first(select)
+    entry = page.stored.configuration(row["run_id"])["configuration"]
+    told, path = entry["controller"]["build"]["behaviors"], page.stored.trajectory(row)
+    world, robot = page.stored.world(row["run_id"], row["episode"]), page.robot(row["run_id"])
+    sensors = describe(Sensors, entry["sensors"], "sensors").scaled_to(robot.radius_m)
+    mounts = np.array([(mount.x_m, mount.y_m, mount.heading_rad) for mount in sensors.mounts])
+    weights = np.array([told["sensor_weights"][mount.role] for mount in sensors.mounts])
+    figure, axes = new_figure(3, 3, 3.3, 3.2)
+    first, *rest = axes.ravel()
+    draw_body(first, robot.radius_m, robot.track_m)
+    half = 0.5 * robot.track_m
+    for wheel, y in (("V_L", half), ("V_R", -half)):
+        _arrow(first, (0.0, y), (0.9 * robot.radius_m, 0.0), PALETTE[0], wheel)
+    first.annotate("", (-0.05, half), (-0.05, -half), arrowprops={"arrowstyle": "<->", "color": PALETTE[1]})
+    first.text(-0.045, 0.0, "L", color=PALETTE[1], va="center")
+    first.set_title("Fig 1: the robot", fontsize=9)
+    rows = []
+    for t_s, panels in ((approach_s, rest[:5]), (follow_s, rest[5:])):
+        now = path.iloc[int(np.searchsorted(path["t_s"], t_s - 1e-6))]
+        u_p = float(now["x_m"]), float(now["y_m"])
+        pose = Pose(*u_p, float(now["heading_rad"]))
+        with PlanarSimulator(SimulatorOptions(), robot, sensors, None) as simulator:
+            simulator.reset(world, [pose], world.goal_tolerance_m)
+            ranges_m = simulator.ranges()[0]
+        points = points_seen(mounts, ranges_m, (*u_p, pose.heading_rad))
+        for ax in panels:
+            draw_world(ax, world)
+            draw_robot(ax, (*u_p, pose.heading_rad), robot.radius_m, "black")
+            ax.set(xlim=(u_p[0] - AROUND_M, u_p[0] + AROUND_M), ylim=(u_p[1] - AROUND_M, u_p[1] + AROUND_M))
+        if now["behavior"] == FOLLOW_WALL:
+            ends = wall_points(points, ranges_m, float(now["side"]))
+            u = _draw_following(panels, u_p, ends, told["wall_distance_m"])
+        else:
+            goal = world.goals[row["robot_index"]]
+            u_ao, u_gtg = avoidance_vector(points, weights, u_p), goal_vector((goal.x_m, goal.y_m), u_p)
+            seen = ranges_m < sensors.max_range_m
+            u = _draw_approach(panels, u_p, points, mounts, pose.heading_rad, seen, (u_ao, u_gtg), told["blend_alpha"])
+        made = math.degrees(heading_error(heading_of(u), pose.heading_rad))
+        follows = now["behavior"] == FOLLOW_WALL
+        word, called = ("follow wall", "u_fw") if follows else ("go to goal", "u_ao_gtg")
+        rows.append([float(now["t_s"]), word, called, made, math.degrees(now["heading_error_rad"])])
+    return [page.plot(figure), page.table(INSTANTS, rows)]
+
+
+def _draw_approach(
+    panels: "Sequence[Axes]",
+    u_p: Vector,
+    points: FloatArray,
+    mounts: FloatArray,
+    heading_rad: float,
+    seen: NDArray[np.bool_],
+    made: tuple[Vector, Vector],
+    alpha: float,
+) -> Vector:
+    """Draw Figs 2 to 6, the points seen to the blend, and return u_ao_gtg."""
+    (u_ao, u_gtg), (rays, to_points, avoid, to_goal, blended) = made, panels
+    for i, (point, mount) in enumerate(zip(points, mounts, strict=True), 1):
+        color = PALETTE[0] if seen[i - 1] else "0.6"
+        begin = points_seen(mount[None], np.zeros(1), (*u_p, heading_rad))[0]
+        rays.plot([begin[0], point[0]], [begin[1], point[1]], color=color, linewidth=1.2, zorder=6)
+        rays.plot(*point, "o", color=color, markersize=3.5, zorder=7)
+        rays.annotate(f"P{i}", point, (4.0, 4.0), textcoords="offset points", fontsize=7, color=color)
+        _arrow(to_points, u_p, (point[0] - u_p[0], point[1] - u_p[1]), color, f"u{i}")
+    u, g, a = blend(u_gtg, u_ao, alpha), unit(u_gtg), unit(u_ao)
+    _arrow(avoid, u_p, _long(a), PALETTE[1], "u_ao")
+    _arrow(to_goal, u_p, _long(g), PALETTE[2], "u_gtg")
+    for vector, color, called in ((a, PALETTE[1], "u_ao"), (g, PALETTE[2], "u_gtg"), (unit(u), PALETTE[4], "u_ao_gtg")):
+        _arrow(blended, u_p, _long(vector), color, called)
+    titles = ("points P_i, eqs 7 to 10", "vectors u_i", "u_ao, eq. 11", "u_gtg, eq. 13", "u_ao_gtg, eq. 14")
+    for i, (ax, title) in enumerate(zip(panels, titles, strict=True), 2):
+        ax.set_title(f"Fig {i}: {title}", fontsize=9)
+    return u
+
+
+def _draw_following(panels: "Sequence[Axes]", u_p: Vector, ends: tuple[Vector, Vector], d_fw: float) -> Vector:
+    """Draw Figs 7 to 9, along the wall, to it, and both together, and return u_fw."""
+    (p_1, p_2), (along, across, both) = ends, panels
+    along_wall = wall_vector(p_1, p_2)
+    t = unit(along_wall)
+    u_fw_p = perpendicular_to_wall(p_1, u_p, t)
+    error = distance_error(u_fw_p, d_fw)
+    u = following_vector(t, error, d_fw)
+    for called, place in (("P1", p_1), ("P2", p_2)):
+        along.plot(*place, "o", color="black", markersize=3.5, zorder=7)
+        along.annotate(called, place, (-12.0, 4.0), textcoords="offset points", fontsize=7)
+    _arrow(along, p_1, along_wall, PALETTE[0], "u_fw,t")
+    _arrow(across, u_p, u_fw_p, PALETTE[1], "u_fw,p")
+    _arrow(both, u_p, error, PALETTE[2], "u'_fw,p")
+    _arrow(both, u_p, u, PALETTE[4], "u_fw")
+    titles = ("u_fw,t, eq. 17", "u_fw,p, eq. 20", "u'_fw,p and u_fw, eqs 21, 22")
+    for i, (ax, title) in enumerate(zip(panels, titles, strict=True), 7):
+        ax.set_title(f"Fig {i}: {title}", fontsize=9)
+    return u
+
+
+def _long(direction: Vector) -> Vector:
+    return UNIT_M * direction[0], UNIT_M * direction[1]
+
+
+def _arrow(ax: "Axes", begin: Vector, vector: Vector, color: str, called: str) -> None:
+    """Draw a vector from a place, with its name at its tip."""
+    tip = begin[0] + vector[0], begin[1] + vector[1]
+    look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.6, "shrinkA": 0.0, "shrinkB": 0.0}
+    ax.annotate("", tip, begin, arrowprops=look, zorder=8)
+    away = tuple(10.0 * x for x in unit(vector))
+    ax.annotate(called, tip, away, textcoords="offset points", ha="center", va="center", fontsize=8, color=color)
+
+
+def abbreviations(page: Page, *, table: str, printed: Mapping[str, str]) -> Blocks:
+    """Return the paper's Table 1: what it calls its sets, beside the variables that have them here.
+
+    Args:
+        table: the name of the described table of memberships.
+        printed: what the paper prints of each abbreviation.
+    """
+    sets = page.stored.described(table)
+    having = {term: ", ".join(dict.fromkeys(of["variable"])) for term, of in sets.groupby("term", sort=False)}
+    terms = dict.fromkeys([*printed, *having])
+    rows = [[term, printed.get(term, "–"), having.get(term, "–").replace("_", " ")] for term in terms]
+    return [page.table([Column("abbreviation"), Column("printed"), Column("variables here")], rows)]
 
 
 def phases(page: Page, *, select: Select) -> Blocks:

@@ -10,12 +10,14 @@ from navbench.analysis.estimates import exact, median_of, share_of
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import PAIR, StoredResults
 from navbench.analysis.traces import records_of, trajectories_of
+from navbench.mathematics.kinematics import advance_arc, body_speed
 from navbench.mathematics.statistics import Estimate
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Select = Mapping[str, Any]
+EXACT_M = 1e-9  # what an exact arc may miss
 
 
 def time_at_least(
@@ -210,6 +212,54 @@ def share_falling(
         others = [name for name in along if name != axis]
         for _, line in rows.groupby(others) if others else [((), rows)]:
             held.append(np.diff(line.sort_values(axis)[column].to_numpy()) <= within)
+    return share_of(np.concatenate(held))
+
+
+def turning_cases(track_m: float) -> list[tuple[float, float, float, float, float]]:
+    """Return what eq. 3 comes to where the wheels turn alike, against each other, and else, by the exact arc of 1 s.
+
+    Args:
+        track_m: D, between the wheels [m].
+
+    Returns:
+        For each case v_L, v_R [m/s], R [m] by eq. 3, how far the robot gets [m] and turns, positive to the right [rad].
+    """
+    cases = []
+    for left_mps, right_mps in ((0.1, 0.1), (0.1, -0.1), (0.1, 0.05)):
+        difference = left_mps - right_mps
+        radius_m = 0.5 * track_m * (left_mps + right_mps) / difference if difference else math.inf
+        x_m, y_m, heading_rad = advance_arc(0.0, 0.0, 0.0, *body_speed(left_mps, right_mps, track_m), 1.0)
+        cases.append((left_mps, right_mps, radius_m, math.hypot(x_m, y_m), -heading_rad))
+    return cases
+
+
+def share_turning_as_printed(stored: StoredResults, track_m: float) -> Estimate | None:
+    """Return the share of the three conclusions on eq. 3 that hold: straight on, on the spot, round a circle of R."""
+    straight, spot, circle = turning_cases(track_m)
+    return share_of(
+        [
+            straight[4] == 0.0 and abs(straight[3] - straight[0]) < EXACT_M,
+            spot[3] < EXACT_M and spot[4] != 0.0,
+            abs(circle[3] - 2.0 * abs(circle[2] * math.sin(0.5 * circle[4]))) < EXACT_M,
+        ]
+    )
+
+
+def share_on_circles(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the share of control periods in which a robot turns and gets as far as a circle of eq. 3's radius says.
+
+    Args:
+        stored: the study's results.
+        select: which cells, driven without a limit of acceleration, so that the wheels hold their speeds.
+    """
+    held = []
+    for trajectory in trajectories_of(stored, select):
+        x_m, y_m, t_s = trajectory[["x_m", "y_m", "t_s"]].to_numpy().T
+        v_mps, w_radps = trajectory[["v_mps", "w_radps"]].to_numpy()[:-1].T
+        turned = w_radps * np.diff(t_s)
+        turns = np.abs(turned) > 0.0
+        chord_m = 2.0 * np.abs(v_mps[turns] / w_radps[turns] * np.sin(0.5 * turned[turns]))
+        held.append(np.abs(np.hypot(np.diff(x_m), np.diff(y_m))[turns] - chord_m) < EXACT_M)
     return share_of(np.concatenate(held))
 
 

@@ -1,12 +1,28 @@
-"""The sections of lei2014's report: a described value over two others, and printed numbers of rules beside counted."""
+"""The sections of lei2014's report: a surface over two values, printed numbers of rules beside counted, and eq. 3."""
 
+import math
 from collections.abc import Mapping
 
 from navbench.analysis.claims import entries
+from navbench.controllers.lei2014.measures import turning_cases
 from navbench.report.described import draw_surface
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import new_figure
-from navbench.report.page import Page
+from navbench.report.page import Page, Select
+
+CONCLUSIONS = (
+    "v_L = v_R: along a straight line",
+    "v_L = -v_R: on the spot",
+    "v_L and v_R differ: round a circle of radius R",
+)
+TURNING = (
+    Column("printed"),
+    Column("v_L", "left_mps", "m/s"),
+    Column("v_R", "right_mps", "m/s"),
+    Column("R by eq. 3", "radius_m", "m", 3),
+    Column("gets as far as", "moved_m", "m", 4),
+    Column("turns", "turned_deg", "degrees", 2),
+)
 
 
 def surface_2d(page: Page, *, table: str, x: str, y: str, value: str) -> Blocks:
@@ -41,3 +57,14 @@ def rule_counts(page: Page, *, claims: str, tables: Mapping[str, str]) -> Blocks
             counted = [page.stored.described_value(table, *asked) for table in tables.values()]
             rows.append([claim.says, claim.where, str(claim.printed), *(f"{value:g}" for value in counted)])
     return [page.table([Column("rules"), Column("where"), Column("printed"), *map(Column, tables)], rows)]
+
+
+def turning(page: Page, *, select: Select) -> Blocks:
+    """Return the three conclusions on eq. 3 beside what comes of them for a cell's robot.
+
+    Args:
+        select: one cell.
+    """
+    cases = turning_cases(page.robot(page.first(select)["run_id"]).track_m)
+    rows = [[says, *case[:4], math.degrees(case[4])] for says, case in zip(CONCLUSIONS, cases, strict=True)]
+    return [page.table(TURNING, rows)]

@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from navbench.analysis.traces import spells
-from navbench.analysis.verdicts import judged
-from navbench.report.claims import measured_figure, printed_figure
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.drawing import draw_circle, draw_world
 from navbench.report.figures import new_figure
@@ -18,7 +16,13 @@ SIDE_INCHES, WORDS_INCHES = 6.0, 1.0  # the longer side of a picture of one path
 
 
 def spells_on_path(
-    page: Page, *, select: Select, column: str, values: Mapping[str, float], least_periods: int
+    page: Page,
+    *,
+    select: Select,
+    column: str,
+    values: Mapping[str, float],
+    least_periods: int,
+    names: Mapping[int | str, str] | None = None,
 ) -> Blocks:
     """Return one run's path, coloured by the value of a column, and a table of its spells.
 
@@ -27,6 +31,7 @@ def spells_on_path(
         column: the column, such as the active agent.
         values: what each of its values is called.
         least_periods: shorter spells are drawn and left out of the table.
+        names: what a paper calls the place where some of the spells begin, by the spell's number.
     """
     row = page.first(select)
     path = page.stored.trajectory(row)
@@ -35,9 +40,10 @@ def spells_on_path(
     draw_world(ax, page.stored.world(row["run_id"], row["episode"]))
     held = path[column].to_numpy()[:-1]
     draw_pieces(ax, path, {called: np.append(held == value, False) for called, value in values.items()}, 2.4)
-    names = {value: called for called, value in values.items()}
+    drives = {value: called for called, value in values.items()}
+    places = {str(number): name for number, name in (names or {}).items()}  # a manifest's keys are words
     rows = [
-        [i, names[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
+        [places.get(str(i), i), drives[spell.value], *path[["t_s", "x_m", "y_m"]].iloc[spell.begin], spell.length]
         for i, spell in enumerate(spells(held, least_periods))
     ]
     robot = page.robot(row["run_id"])
@@ -46,9 +52,9 @@ def spells_on_path(
     draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
     figure.legend(loc="outside lower center", ncols=len(values), frameon=False)
     left_m, right_m = ax.get_xlim()
-    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows if i], NEAR * (right_m - left_m), [path])
-    places = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
-    columns = [Column("", "number"), Column(column, column), *places, Column("periods", "periods")]
+    number_places(ax, [(i, x, y) for i, _, _, x, y, _ in rows[1:]], NEAR * (right_m - left_m), [path])
+    begun = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
+    columns = [Column("", "number"), Column(column, column), *begun, Column("periods", "periods")]
     return [page.plot(figure), page.table(columns, rows)]
 
 
@@ -64,15 +70,3 @@ def counts(page: Page, *, table: str, by: Sequence[str]) -> Blocks:
     columns = [Column(name.replace("_", " ")) for name in counted.columns]
     data = Data(list(described.columns), described.to_numpy(dtype=object).tolist())
     return [page.table(columns, counted.astype(str).to_numpy().tolist(), data)]
-
-
-def printed_beside(page: Page, *, claims: Sequence[str]) -> Blocks:
-    """Return what the paper prints of some claims beside what was measured.
-
-    Args:
-        claims: what their ids begin with.
-    """
-    table = judged(page.stored, trust=page.trust)
-    chosen = table[table["id"].str.startswith(tuple(claims))].to_dict("records")
-    rows = [[one["statement"], one["where"], printed_figure(one), measured_figure(one)] for one in chosen]
-    return [page.table([Column("what"), Column("where"), Column("printed"), Column("here")], rows)]

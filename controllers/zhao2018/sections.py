@@ -24,9 +24,9 @@ GAINS = (
     Column("reached, compared with", "other", show="count"),
     Column("difference of shares", "difference", decimals=3),
     Column("length: printed", "length_printed", "%"),
-    Column("here", "length_decrease", "%", 2),
+    Column("length: here", "length_decrease", "%", 2),
     Column("time: printed", "time_printed", "%"),
-    Column("here", "time_decrease", "%", 2),
+    Column("time: here", "time_decrease", "%", 2),
 )
 
 
@@ -123,7 +123,8 @@ def gains(
 
     Args:
         rows: for each row's title, ``select`` (the cells that are said to have gained) and ``than`` (the others).
-        printed: the decreases of length and time that a paper prints, for some of the rows; null for none.
+        printed: the decreases of length and time that a paper prints, for some of the rows; null
+            for none: then there are no such columns.
     """
     entries = []
     for title, sides in rows.items():
@@ -136,6 +137,9 @@ def gains(
             decrease = 100.0 * (1.0 - both[metric].to_numpy() / both[f"{metric}_other"].to_numpy())
             entry += [(printed or {}).get(title, (None, None))[k], _median(decrease)]
         entries.append(entry)
+    if printed is None:
+        shown = [k for k, column in enumerate(GAINS) if not column.name.endswith("_printed")]
+        return [page.table([GAINS[k] for k in shown], [[entry[k] for k in shown] for entry in entries])]
     return [page.table(GAINS, entries)]
 
 

@@ -236,3 +236,15 @@ def errata(page: Page, *, items: Sequence[Mapping[str, str]]) -> Blocks:
 def plain(name: str) -> str:
     """Return a verdict or an evidence in words."""
     return name.replace("_", " ")
+
+
+def printed_beside(page: Page, *, claims: Sequence[str]) -> Blocks:
+    """Return what the paper prints of some claims beside what was measured.
+
+    Args:
+        claims: what their ids begin with.
+    """
+    table = judged(page.stored, trust=page.trust)
+    chosen = table[table["id"].str.startswith(tuple(claims))].to_dict("records")
+    rows = [[one["statement"], one["where"], printed_figure(one), measured_figure(one)] for one in chosen]
+    return [page.table([Column("what"), Column("where"), Column("printed"), Column("here")], rows)]

@@ -82,7 +82,10 @@ def _convergence(page: Page, rows: "pd.DataFrame", tunings: Mapping[str, str], u
     least = rows["cost"].min()
     axes[0, 0].set(xscale="log", title="all")
     spread = max(max(final) - least, 1e-6)
-    axes[0, 1].set(ylim=(least - 0.1 * spread, least + 3.0 * spread), title="near the end")
+    title = (
+        f"near the end, enlarged: {100.0 * 3.1 * spread / abs(least):.2g} % of the cost" if least else "near the end"
+    )
+    axes[0, 1].set(ylim=(least - 0.1 * spread, least + 3.0 * spread), title=title)
     for ax in axes.ravel():
         ax.set(xlabel="evaluations", ylabel="least cost so far" + (f" [{unit}]" if unit else ""))
         ax.grid(alpha=0.3)

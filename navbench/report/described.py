@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.report.document import Blocks, Column
+from navbench.report.document import Blocks, Column, Data
 from navbench.report.figures import PALETTE, new_figure
 from navbench.report.page import Page
 
@@ -33,6 +33,30 @@ def rules(page: Page, *, table: str) -> Blocks:
     return [page.table(columns, described.astype(str).to_numpy().tolist())]
 
 
+def rule_grid(page: Page, *, table: str, down: Sequence[str], across: Sequence[str], of: Sequence[str]) -> Blocks:
+    """Return rules that a controller offers of itself as a grid, as papers print them; the CSV holds them as a list.
+
+    Args:
+        table: the name of the described table, a row a rule.
+        down: the inputs whose terms stand in front of the rows.
+        across: the inputs whose terms stand above the columns.
+        of: what the rules conclude; of several the grids stand below each other.
+    """
+    described = page.stored.described(table)
+    told = described.astype(str).to_dict("records")
+    heads = dict.fromkeys(tuple(rule[name] for name in across) for rule in told)
+    grid: dict[tuple[str, ...], dict[tuple[str, ...], str]] = {}
+    for output in of:
+        for rule in told:
+            row = ((output,) if len(of) > 1 else ()) + tuple(rule[name] for name in down)
+            grid.setdefault(row, {})[tuple(rule[name] for name in across)] = rule[output]
+    named = [Column(name.replace("_", " ")) for name in (["output"] if len(of) > 1 else []) + list(down)]
+    above = ", ".join(name.replace("_", " ") for name in across)
+    columns = [*named, *(Column(f"{above} = {', '.join(terms)}") for terms in heads)]
+    rows = [[*row, *(cells.get(terms, "–") for terms in heads)] for row, cells in grid.items()]
+    return [page.table(columns, rows, Data(list(described.columns), described.to_numpy(dtype=object).tolist()))]
+
+
 def memberships(page: Page, *, table: str, axes: Mapping[str, Mapping[str, Any]]) -> Blocks:
     """Return the fuzzy sets that a controller offers of itself, a panel per variable.
 
@@ -40,7 +64,8 @@ def memberships(page: Page, *, table: str, axes: Mapping[str, Mapping[str, Any]]
         table: the name of the described table: variable, term, x, degree at the sets' corners.
         axes: for each variable its ``title``, and the ``low`` and ``high`` end of what is shown; ``circle`` where
             these are one direction, so that a set that leaves at one comes in at the other; ``saturates`` where values
-            beyond the sets belong to the outermost.
+            beyond the sets belong to the outermost; ``degrees`` where the sets' radians are shown in degrees, as the
+            ends are then given.
     """
     described = page.stored.described(table)
     figure, panels = new_figure(len(axes), 1, 8.0, 1.9)
@@ -92,6 +117,7 @@ def draw_surface(ax: "Axes", across: FloatArray, up: FloatArray, values: FloatAr
 def _shapes(corners: "pd.DataFrame", axis: Mapping[str, Any]) -> list[tuple[Any, Any]]:
     """Return a set's corners as (x, degree): on a circle also a turn before and behind, lest it break off at an end."""
     x, degree = corners["x"].to_numpy(), corners["degree"].to_numpy()
+    x = np.degrees(x) if axis.get("degrees") else x
     if axis.get("saturates") and degree[0] == 1.0:
         x, degree = np.append(min(x[0], axis["low"]), x), np.append(1.0, degree)
     if axis.get("saturates") and degree[-1] == 1.0:

@@ -23,6 +23,7 @@ BESIDE_POINTS = (12.0, 19.0, 28.0)  # from a place to the middle of the word bes
 CLEAR_POINTS = 3.0  # of room suffice
 LETTER_POINTS = 3.0  # half a letter's width
 POINTS_PER_INCH = 72.0
+TRIANGLE = ((0.46, 0.0), (-0.23, 0.28), (-0.23, -0.28))  # of a mark: forwards and to the left of its place, in radii
 
 
 def cut(ax: "Axes", trajectories: Sequence["pd.DataFrame"], radius_m: float, square: bool = True) -> float:
@@ -73,14 +74,39 @@ def draw_pieces(
             ax.plot(*drawn, color=color, linewidth=linewidth, label=called, zorder=zorder)
 
 
+def draw_marks(ax: "Axes", path: "pd.DataFrame", every_s: float, radius_m: float, color: str) -> None:
+    """Draw where a robot is at the same intervals: triangles that point where it heads.
+
+    Args:
+        ax: where to draw.
+        path: the trajectory.
+        every_s: from one mark to the next, the first at the beginning [s].
+        radius_m: the robot's radius [m].
+        color: of its path.
+    """
+    from matplotlib.collections import PolyCollection
+
+    t_s = path["t_s"].to_numpy()
+    times = np.arange(0.0, t_s[-1], every_s)
+    x, y = (np.interp(times, t_s, path[name]) for name in ("x_m", "y_m"))
+    heading = np.interp(times, t_s, np.unwrap(path["heading_rad"]))
+    forward, aside = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
+    corners = [np.array([x, y]) + radius_m * (a * forward + b * aside) for a, b in TRIANGLE]
+    triangles = np.stack(corners).transpose(2, 0, 1)
+    ax.add_collection(PolyCollection(triangles, facecolor="white", edgecolor=color, linewidth=0.7, zorder=20))
+
+
 def number_places(
-    ax: "Axes", numbered: Sequence[tuple[int, float, float]], near_m: float, trajectories: Sequence["pd.DataFrame"]
+    ax: "Axes",
+    numbered: Sequence[tuple[int | str, float, float]],
+    near_m: float,
+    trajectories: Sequence["pd.DataFrame"],
 ) -> None:
     """Mark places by strokes across their path and write their numbers beside them, those of one place together.
 
     Args:
         ax: where to write, with everything else in its place.
-        numbered: each number with its x [m] and y [m].
+        numbered: each number, or what it is called, with its x [m] and y [m].
         near_m: what lies nearer than this to a place's first number stands with it [m].
         trajectories: the trajectories that the numbers do not cover.
     """
@@ -97,7 +123,7 @@ def draw_stroke(ax: "Axes", x_m: float, y_m: float, heading_rad: float, color: s
     ax.plot(x_m, y_m, marker=stroke, color=color, markersize=11, markeredgewidth=0.9, zorder=8)
 
 
-def together(numbered: Sequence[tuple[int, float, float]], near_m: float, color: str = "black") -> list["Word"]:
+def together(numbered: Sequence[tuple[int | str, float, float]], near_m: float, color: str = "black") -> list["Word"]:
     """Return the words for numbered places, those of one place together; arguments as of ``number_places``."""
     places: dict[tuple[float, float], list[str]] = {}
     for i, x_m, y_m in numbered:

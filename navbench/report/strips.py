@@ -69,7 +69,7 @@ def draw_trace(ax: "Axes", told: Drive, title: str, columns: Sequence[str]) -> N
     t_s = told.path["t_s"].to_numpy()
     if title == FLAGS:
         for row, name in enumerate(columns):
-            spans = [(begin, end - begin) for begin, end in spans_of(told.path, name, 0.0)]
+            spans = [(begin, end - begin) for begin, end in spans_of(told.path, name)]
             ax.broken_barh(spans, (row - 0.35, 0.7), color=PALETTE[row % len(PALETTE)])
         ax.set_yticks(range(len(columns)), [name.replace("_", " ") for name in columns], fontsize=7)
         ax.set_ylim(len(columns) - 0.4, -0.6)
@@ -86,7 +86,7 @@ def draw_trace(ax: "Axes", told: Drive, title: str, columns: Sequence[str]) -> N
 def _finish_strip(ax: "Axes", told: Drive) -> None:
     """Shade a strip where behaviours are active, and give it a grid."""
     for color, name in zip(BANDS, [name for name in told.path.columns if name.startswith(ACTIVE)], strict=False):
-        for begin_s, end_s in spans_of(told.path, name, 0.0):
+        for begin_s, end_s in spans_of(told.path, name):
             ax.axvspan(begin_s, end_s, color=color, alpha=0.35, linewidth=0.0, zorder=0)
     widen_flat([ax])
     ax.grid(alpha=0.3)

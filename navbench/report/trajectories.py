@@ -2,6 +2,7 @@
 
 import string
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,8 +21,9 @@ from navbench.report.figures import (
     robot_color,
 )
 from navbench.report.page import Page, Select
-from navbench.report.paths import Word, cut, write_beside
+from navbench.report.paths import Word, cut, draw_marks, write_beside
 from navbench.report.sampling import sample_of
+from navbench.world.layout import DrawnWorld
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +34,7 @@ THINNED_RADII = 0.015  # what a drawn path may stray from the driven one
 WIDTH_INCHES, TITLE_INCHES = 2.5, 0.35  # of a frame
 PANELS, FIGURES = 12, 5  # a figure of more cells cannot be read, and nobody reads more figures
 FRAMES = 10  # where no times are given, so many, evenly from the beginning to the end
+BEHIND_POINTS = 10.0  # from a robot's centre to its name in a frame
 FLAT = 1e-6  # values that differ by less are drawn as one, not as their rounding errors
 PLACE = ("x_m", "y_m", "heading_rad")  # columns that change between the control periods, too
 JUMP = 0.05  # of the values' range: a greater step
@@ -45,6 +48,7 @@ def trajectories(
     panels: Mapping[str, str] | None = None,
     labels: Sequence[str] = (),
     columns: int = 0,
+    marks_s: float = 0.0,
 ) -> Blocks:
     """Return the paths of several controllers over each other, a panel per world, cut to where the robots went.
 
@@ -53,6 +57,7 @@ def trajectories(
         panels: each panel's title and world; None for a panel per cell that keeps its trajectories.
         labels: whose paths, the first below the others, which are narrower; none for all.
         columns: how many panels stand side by side; 0 for what fits.
+        marks_s: how often each robot's place and heading are marked on its path [s]; 0 for never.
     """
     select = select or {}
     if panels is None:
@@ -73,6 +78,8 @@ def trajectories(
                 one = one._replace(color=robot_color(row["robot_index"]))
             rank = labels.index(row["label"])
             _draw_path(ax, path, one.color, rank, len(labels), row["tuning_seed"] > 0, robot.radius_m)
+            if marks_s and not row["tuning_seed"] > 0:
+                draw_marks(ax, path, marks_s, robot.radius_m, one.color)
             draw_circle(ax, path["x_m"].iloc[0], path["y_m"].iloc[0], robot.radius_m)
             if row["outcome"] != "reached":
                 size = 4.0 * nested_width(rank, len(labels))
@@ -148,6 +155,7 @@ def frames(page: Page, *, select: Select, times_s: Sequence[float] = (), columns
             so_far = path[path["t_s"] <= t_s]
             ax.plot(so_far["x_m"], so_far["y_m"], color=color, linewidth=1.0, zorder=5)
             draw_robot(ax, so_far[["x_m", "y_m", "heading_rad"]].iloc[-1], robot.radius_m, color)
+        name_frame(ax, world, t_s, [path[path["t_s"] <= t_s].iloc[-1] for path in paths])
         ax.set(xlabel="", ylabel="")
         ax.set_title(f"{string.ascii_lowercase[i % 26]}) {t_s:.1f} s", fontsize=10)
     for ax in axes.ravel()[len(times) :]:
@@ -157,6 +165,19 @@ def frames(page: Page, *, select: Select, times_s: Sequence[float] = (), columns
     figure.supxlabel("x [m]", fontsize=10)
     figure.supylabel("y [m]", fontsize=10)
     return [page.plot(figure)]
+
+
+def name_frame(ax: "Axes", world: DrawnWorld, t_s: float, robots: Sequence[Mapping[Any, float]]) -> None:
+    """Write R1, R2, ... behind the robots of a frame, M1, ... on the movers and O1, ... on the discs."""
+    for i, (mover, disc) in enumerate(zip_longest(world.movers, world.discs), 1):
+        places = {"M": mover and mover.place(t_s), "O": disc and (disc.x_m, disc.y_m)}
+        for letter, place in places.items():
+            if place:
+                ax.text(*place, f"{letter}{i}", fontsize=6, ha="center", va="center", color="white", zorder=9)
+    for i, robot in enumerate(robots, 1):
+        behind = -BEHIND_POINTS * np.cos(robot["heading_rad"]), -BEHIND_POINTS * np.sin(robot["heading_rad"])
+        place, look = (robot["x_m"], robot["y_m"]), {"fontsize": 7, "ha": "center", "va": "center", "zorder": 30}
+        ax.annotate(f"R{i}", place, behind, textcoords="offset points", **look)
 
 
 def time_series(

@@ -24,7 +24,7 @@ from navbench.report.drawing import MOVER as MOVER_COLOUR
 from navbench.report.outcomes import fleet_table
 from navbench.report.tables import summarize, to_markdown, to_text
 from navbench.report.trajectories import frames
-from navbench.report.wheels import spans_of, wheel_velocities
+from navbench.report.wheels import shares_of, spans_of, wheel_velocities
 from navbench.validation import DescriptionError
 
 A, B = {"label": "A"}, {"label": "B"}
@@ -304,6 +304,12 @@ def test_frames_show_every_robot_where_it_was_and_the_movers_of_that_episode(
         for mover in world.round_movers():
             x, y = mover.place(t_s)
             assert (round(x, 9), round(y, 9)) in filled
+        named = [text.get_text() for text in ax.texts if text.get_text()]
+        assert sorted(named) == sorted(
+            f"{letter}{i}"
+            for letter, things in (("R", places), ("M", world.movers), ("O", world.discs))
+            for i, _ in enumerate(things, 1)
+        )
 
 
 def test_without_times_ten_frames_go_from_the_beginning_to_the_end(tmp_path: Path, kept: list[Figure]) -> None:
@@ -333,20 +339,30 @@ def test_wheel_speeds_are_the_two_wheels_and_the_state_is_marked_where_it_lasted
     assert left.get_ydata() == pytest.approx([0.27, 0.17, 0.07, 0.27, 0.27])  # the track is 0.15 m
     assert right.get_ydata() == pytest.approx([0.33, 0.23, 0.13, 0.33, 0.33])
     spans = [[(p.get_x(), p.get_x() + p.get_width()) for p in ax.patches] for ax in axes.ravel()]
-    assert spans == [[(1.0, 3.0)], [(1.0, 3.0)], [(0.0, 2.0)], []]
+    assert spans == [[(1.0, 2.0), (2.0, 3.0)], [(1.0, 2.0), (2.0, 3.0)], [(0.0, 1.0), (1.0, 2.0)], []]
     assert [ax.get_xlabel() for ax in axes.ravel()] == ["", "t [s]", "t [s]", ""]
     assert axes[0, 1].xaxis.get_tick_params()["labelbottom"]  # the column ends there
     assert [ax.get_ylabel() for ax in axes[:, 0]] == ["R1 [m/s]", "R2 [m/s]"]
-    assert [text.get_text() for text in kept[0].legends[0].texts] == ["left", "right", "on (gaps below 0.5 s closed)"]
+    assert [text.get_text() for text in kept[0].legends[0].texts] == [
+        "left",
+        "right",
+        "on (the darker, the more of each second)",
+    ]
+    table = pd.read_csv(tmp_path / "tables/w.csv")
+    assert table[["episode", "robot", "share", "begins"]].to_numpy().tolist() == [
+        ["two", "R1", 50.0, 1],
+        ["two", "R2", 100.0, 1],
+        ["one", "R1", 50.0, 1],
+    ]
 
 
-def test_marked_spans_with_a_short_gap_are_one() -> None:
+def test_a_state_that_flickers_shades_each_second_by_its_share() -> None:
     t_s = np.arange(0.0, 2.4, 0.2)
     on = [0, 1, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0]
-    assert spans_of(pd.DataFrame({"t_s": t_s, "on": on}), "on") == [
-        pytest.approx((0.2, 0.8)),
-        pytest.approx((1.4, 1.8)),
-    ]
+    spans = spans_of(pd.DataFrame({"t_s": t_s, "on": on}), "on")
+    assert spans == [pytest.approx(span) for span in ((0.2, 0.4), (0.6, 0.8), (1.4, 1.8))]
+    assert shares_of(spans, 2.2) == {0.0: pytest.approx(0.4), 1.0: pytest.approx(0.4)}
+    assert shares_of([(0.0, 1.5)], 1.5) == {0.0: 1.0, 1.0: 1.0}
 
 
 # --- the table of fleets in a report ---
@@ -479,4 +495,4 @@ def test_gains_of_no_pair_are_missing(pairs: Any, other: str, tmp_path: Path) ->
     text = told(gains, paired(tmp_path / "in", pairs, other), tmp_path, file="g", rows=ROWS)
     row = pd.read_csv(tmp_path / "tables/g.csv").iloc[0]
     assert row[["length_decrease", "time_decrease"]].isna().all()
-    assert "| – | – | – | – | – |\n" in text
+    assert "| – | – | – |\n" in text  # no printed figures, no columns of them

@@ -15,6 +15,8 @@ from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
 from navbench.experiments.store import Results
 from navbench.records import RobotRecord
 from navbench.report import page
+from navbench.report.claims import printed_beside
+from navbench.report.described import rule_grid
 from navbench.report.outcomes import robustness
 
 TABLES: dict[str, dict[str, Any]] = {
@@ -22,6 +24,12 @@ TABLES: dict[str, dict[str, Any]] = {
         "x": [0.0, 0.0, 1.0, 1.0, 2.0, 2.0],
         "y": [0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
         "z": [0.0, 0.25, 0.5, 0.5, 1.0, 0.75],
+    },
+    "it-rules": {
+        "near": ["S", "S", "B"],
+        "side": ["L", "R", "L"],
+        "left": ["NB", "PB", "Z"],
+        "right": ["PS", "NS", "PB"],
     },
     "it-list": {
         "number": [1, 2, 3, 4, 5],
@@ -150,6 +158,18 @@ def test_where_nothing_stands_round_there_is_no_clearance(tmp_path: Path) -> Non
     assert "| – | – |\n" in text
 
 
+def test_a_grid_holds_every_rule_where_its_inputs_meet(reading: StoredResults, tmp_path: Path) -> None:
+    asked = {"table": "it-rules", "down": ["near"], "across": ["side"]}
+    text = told(rule_grid, reading, tmp_path, of=["left"], **asked)
+    assert "| near | side = L | side = R |" in text
+    assert "| S | NB | PB |" in text
+    assert "| B | Z | – |" in text  # no rule
+    both = told(rule_grid, reading, tmp_path, of=["left", "right"], **asked)
+    assert "| output | near | side = L | side = R |" in both
+    assert "| right | S | PS | NS |" in both
+    assert pd.read_csv(tmp_path / "tables/t.csv").to_dict("list") == TABLES["it-rules"]
+
+
 def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> None:
     record = a_record(time_s=8.0, length_m=2.4)
     states = [0.0, 1.0, 0.0, 0.0]
@@ -168,10 +188,34 @@ def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> N
         column="behavior",
         values={"go": 0.0, "follow": 1.0},
         least_periods=1,
+        names={"2": "P1"},
     )
     table = pd.read_csv(tmp_path / "tables/w.csv")
+    assert table["number"].tolist() == ["0", "1", "P1"]
     assert table["behavior"].tolist() == ["go", "follow", "go"]
     assert table["periods"].tolist() == [1, 1, 2]
     drawn = (tmp_path / "figures/w.svg").read_text()
-    assert "<!-- 1, 2 -->" in drawn or ">1, 2<" in drawn
+    assert "<!-- 1, P1 -->" in drawn or ">1, P1<" in drawn
     assert "figures/w.png" in text
+
+
+def test_claims_of_one_kind_stand_with_what_is_printed_beside_what_was_measured(tmp_path: Path) -> None:
+    asked = {"metric": "time_s", "label": "A"}
+    claim = {
+        "says": "how long",
+        "where": "Fig 1",
+        "printed": "9.5 s",
+        "within": "5 %",
+        "measure": "median",
+        "of": asked,
+    }
+    study = {
+        "name": "s",
+        "title": "S",
+        "claims": {"time-a": claim, "other": {**claim, "says": "besides"}},
+        "report": [],
+    }
+    reading = store(tmp_path / "in", [(a_cell("A"), [a_record(time_s=10.0)])], study)
+    text = told(printed_beside, reading, tmp_path, claims=["time-"])
+    assert "| how long | Fig 1 | 9.5 s | 10 |" in text
+    assert "besides" not in text

@@ -18,8 +18,8 @@ from navbench.report import page
 from navbench.report.described import memberships
 from navbench.report.drawing import sparse
 from navbench.report.figures import LINES_MAX, draw_cells, panel_of
-from navbench.report.paths import Word, cut, number_places, write_beside
-from navbench.report.trajectories import chatter, time_series
+from navbench.report.paths import Word, cut, draw_marks, number_places, write_beside
+from navbench.report.trajectories import chatter, time_series, trajectories
 
 HERE = {"label": "A"}
 CORNERS = [
@@ -171,6 +171,35 @@ def test_fuzzy_sets_go_round_a_circle_and_on_where_their_variable_saturates(tmp_
     assert sorted(text.get_text() for text in bearing.texts) == ["ahead", "back", "back"]
     assert drawn(distance, 1)[-1].tolist() == [2.0, 1.0]
     assert drawn(distance, 0)[-1].tolist() == [1.0, 0.0]
+
+
+def test_sets_in_radians_are_shown_in_degrees_where_that_is_asked(tmp_path: Path, kept: list[Figure]) -> None:
+    axes = {"bearing": {"title": "bearing", "low": -180, "high": 180, "degrees": True}}
+    reading = a_reading(tmp_path / "in", [0.0] * 5)
+    told(memberships, reading, tmp_path, file="m", table="it-sets", axes=axes)
+    told(memberships, reading, tmp_path, file="m", table="it-sets", axes={"bearing": {**axes["bearing"], "degrees": 0}})
+    in_degrees, in_radians = (drawn(figure.axes[0], 0) for figure in kept)
+    assert in_degrees[:, 0] == pytest.approx(np.degrees(in_radians[:, 0]))
+    assert in_degrees[:, 1].tolist() == in_radians[:, 1].tolist()
+
+
+def test_marks_stand_where_the_robot_is_at_each_interval_and_point_where_it_heads() -> None:
+    path = pd.DataFrame({"t_s": [0.0, 2.0, 5.0], "x_m": [0.0, 2.0, 2.0], "y_m": [0.0, 0.0, 3.0]})
+    ax = Figure().subplots()
+    draw_marks(ax, path.assign(heading_rad=[0.0, 0.0, 0.5 * math.pi]), 2.0, 0.4, "black")
+    (marks,) = ax.collections
+    corners = np.array([triangle.vertices[:3] for triangle in marks.get_paths()])
+    assert corners.mean(axis=1) == pytest.approx(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
+    tips = corners[:, 0] - corners.mean(axis=1)
+    assert np.arctan2(tips[:, 1], tips[:, 0]) == pytest.approx([0.0, 0.0, math.pi / 3.0])
+    assert np.hypot(*tips.T) == pytest.approx(0.46 * 0.4)
+
+
+def test_a_controller_tuned_more_than_once_is_marked_once(tmp_path: Path, kept: list[Figure]) -> None:
+    cells = [(a_cell("A", tuning="pso", seed=seed), [a_record(time_s=8.0)]) for seed in (0, 1)]
+    reading = store(tmp_path / "in", cells)
+    told(trajectories, reading, tmp_path, panels={"": "plain"}, labels=["A"], marks_s=2.0)
+    assert [len(marks.get_paths()) for marks in kept[0].axes[0].collections] == [4]  # at 0, 2, 4 and 6 s
 
 
 def a_panel(path: Path, count: int) -> Any:

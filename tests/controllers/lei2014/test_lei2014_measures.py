@@ -17,8 +17,11 @@ from navbench.controllers.lei2014.measures import (
     share_mainly_while,
     share_of_time,
     share_of_worlds_safer,
+    share_on_circles,
+    share_turning_as_printed,
     time_at_least,
     time_in,
+    turning_cases,
 )
 from navbench.controllers.nemeiksis2019.measures import share_greater
 from navbench.records import RobotRecord
@@ -201,3 +204,28 @@ def test_what_is_mainly_done_in_danger_and_out_of_it_are_told_apart(tmp_path: Pa
         return found.value
 
     assert (mainly([2.0], True), mainly([1.0], True), mainly([0.0], False)) == (1.0, 0.0, 1.0)
+
+
+# --- eq. 3 ---
+
+
+@pytest.mark.parametrize("track_m", [0.1, 0.4, 3.0])
+def test_the_three_conclusions_on_eq_3_hold_for_any_track(tmp_path: Path, track_m: float) -> None:
+    assert share_turning_as_printed(stored_of(tmp_path), track_m) == pytest.approx((1.0, 0.2924, 1.0, 3), abs=1e-4)
+    straight, spot, circle = turning_cases(track_m)
+    assert (straight[2], straight[3], straight[4]) == (math.inf, 0.1, 0.0)
+    assert (spot[2], spot[3], spot[4]) == (0.0, 0.0, pytest.approx(0.2 / track_m))  # the left wheel leads: to the right
+    assert circle[2] == pytest.approx(1.5 * track_m)
+    assert circle[4] == pytest.approx(0.05 / track_m)
+
+
+def test_only_periods_in_which_the_robot_turns_count_and_off_its_circle_it_fails(tmp_path: Path) -> None:
+    t_s = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    v_mps, w_radps = np.full(5, 0.5), np.array([0.0, 1.0, 1.0, -2.0, 0.0])
+    chord_m = np.append(0.5, 2.0 * np.abs(v_mps[1:4] / w_radps[1:4] * np.sin(0.5 * w_radps[1:4])))
+    chord_m[2] += 1e-6  # beside its circle
+    x_m = np.append(0.0, np.cumsum(chord_m))
+    record = a_record(states=np.column_stack([t_s, x_m, 0.0 * t_s, 0.0 * t_s, v_mps, w_radps]), time_s=4.0)
+    found = share_on_circles(store(tmp_path / "in", [(a_cell("A"), [record])]), {"label": "A"})
+    assert found is not None
+    assert (found.value, found.n) == (pytest.approx(2 / 3), 3)
