@@ -39,7 +39,7 @@ def shares(effort: Effort) -> Table:
                 found = [parts(runner) for _ in range(effort.rounds + 1)][1:]  # the first one compiles
             percent = [{kind: 100.0 * one[kind] / sum(one.values()) for kind in KINDS} for one in found]
             rows.append((name, simulator, *(median([one[kind] for one in percent]) for kind in KINDS)))
-    text = "In percent of CPU time. The rest is drawing and placing episodes, sensing beyond the rays, and the loop itself."
+    text = "In percent of CPU time. The rest is drawing and placing episodes, sensing beyond the rays, and the loop."
     return Table("Where the time goes", text, ("", "simulator", *KINDS), rows)
 
 
