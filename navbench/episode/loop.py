@@ -153,7 +153,11 @@ class EpisodeRunner:
         """Draw an episode's layout and where its robots begin, see ``draw_starts``."""
         if self._same is not None:
             return self._same
-        space = self._always or FreeSpace(self._template.drawn_for(self.seed, episode), self._robot.radius_m)
+        space, radius_m = self._always, self._robot.radius_m  # what is always the same was checked in the beginning
+        if space is None:
+            world = self._template.drawn_for(self.seed, episode)
+            world.check_fits(radius_m, world.goal_tolerance_m)
+            space = FreeSpace(world, radius_m)
         drawn = Drawn(space, draw_starts(space, self._jitter, self.seed, episode))
         if self._always and not any(self._jitter):
             self._same = drawn

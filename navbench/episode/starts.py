@@ -31,13 +31,11 @@ def draw_starts(space: FreeSpace, jitter: Jitter, seed: int, episode: int) -> li
         jitter: how far the starts are perturbed.
         seed: of the streams.
         episode: its index, which names its streams.
-        scene: the world's at time 0, where it is at hand.
 
     Raises:
-        DescriptionError: a robot finds no free place, or the layout does not fit it (see ``Layout.check_fits``).
+        DescriptionError: a robot finds no free place.
     """
     world, scene, radius_m = space.world, space.scene, space.radius_m
-    world.check_fits(radius_m, world.goal_tolerance_m)
     poses: list[Pose] = []
     for i, start in enumerate(world.starts):
         rng = stream(seed, world.name, episode, "start", i)
