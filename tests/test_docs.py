@@ -93,8 +93,7 @@ def test_a_link_leads_somewhere(page: Path) -> None:
 
 def test_every_column_that_is_stored_is_described(command: Command, tmp_path: Path) -> None:
     words = ("controller=pid", "tuner=random", "world=corner", "budget=10", "simulator=planar", "workers=1")
-    words += ("record=ranges",)
-    assert command("tune", *words, "hydra.run.dir=tuned").code == 0
+    assert command("tune", *words, "record=ranges", "hydra.run.dir=tuned").code == 0
     others = {"episodes": {metric.name for metric in DECLARED}, "evaluations": {"kp", "ki", "kd"}}
     for kind in TABLES:
         for part in (tmp_path / "tuned" / kind).glob("part-*.parquet"):

@@ -157,7 +157,7 @@ def rays_of(configuration: Mapping[str, Any], it: "Played") -> "Rays":
             return [robot.read(t_s) for robot in it.robots]
         move_to(simulator, t_s, poses)
         measure_clearance(simulator.robots, simulator.scene.arrays, radius_m)
-        return simulator.ranges()
+        return list(simulator.ranges())
 
     def rays(t_s: float, poses: "NDArray[np.float64]") -> list["NDArray[np.float64]"]:
         found = []
