@@ -84,7 +84,7 @@ def pages() -> dict[str, str]:
     rows = [f"[`{name}`]({name}.md) | {title}" for name, title in names.items()]
     made["controllers/index.md"] = _joined("# Controllers", CONTROLLERS, _table("name | what it is", rows))
     made |= {f"controllers/{name}.md": text for name, text in controllers.items()}
-    for report in (RESULTS / "README.md", *sorted(RESULTS.rglob("report.md"))):
+    for report in (RESULTS / "README.md", *sorted(RESULTS.rglob("report.md"), key=lambda file: file.parent)):
         made[f"studies/{report.relative_to(RESULTS).as_posix()}"] = _report(report)
     return made
 

@@ -1,4 +1,4 @@
-"""Make the pictures of the pages from real runs: ``make docs-media``. Each is kept small, in few colours."""
+"""Make the pictures and the video of the pages from real runs: ``make docs-media``. Each is kept small."""
 
 import subprocess
 import sys
@@ -20,9 +20,10 @@ def make() -> None:
     """Run what is shown, draw it, and keep the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "movers"
-        words = ["controller=oa_to", "world=random_movers", "episodes=20", "simulator=planar"]
+        words = ["controller=oa_to", "world=random_movers", "episodes=20", "simulator=planar", "record=ranges"]
         _navbench(*words, f"hydra.run.dir={run}")
         _draw("failure", str(run))
+        _navbench("replay", str(run), "speed=1.25", "--video", str(MEDIA / "failure.mp4"))
     for name in CONTROLLERS:
         _draw(f"controllers/{name}", f"controller={name}")
 

@@ -18,6 +18,9 @@ NOT_DRIVEN = {  # outcomes of episodes in which no controller had a part, and wh
 }
 
 
+NO_RANGES: FloatArray = np.empty((0, 0))
+
+
 @dataclass(frozen=True, slots=True, order=True)
 class Thing:
     """Something that a robot can touch: of what kind, and which one of these in its world."""
@@ -47,6 +50,7 @@ class RobotRecord(NamedTuple):
         hit: what a robot that collided hit.
         layout: what was driven in; None where nothing was driven.
         traceback: of what a controller raised; empty where it raised nothing.
+        ranges_m: (n, n_sensors) what the range sensors read in each control period [m], or ``NO_RANGES``, not kept.
     """
 
     robot_index: int
@@ -60,6 +64,7 @@ class RobotRecord(NamedTuple):
     hit: Thing | None = None
     layout: Layout | None = None
     traceback: str = ""
+    ranges_m: FloatArray = NO_RANGES
 
     @classmethod
     def lost(

@@ -225,4 +225,5 @@ def same(one: RobotRecord, other: RobotRecord) -> bool:
         and one.trace_names == other.trace_names
         and one.states.tobytes() == other.states.tobytes()
         and one.traces.tobytes() == other.traces.tobytes()
+        and one.ranges_m.tobytes() == other.ranges_m.tobytes()
     )

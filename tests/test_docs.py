@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from browser import CHROMIUM, Browser
 from commands import Command, typed
 from pages import PAGES, ROOT, blocks_of, write_files
 
@@ -82,7 +83,7 @@ def test_a_link_leads_somewhere(page: Path) -> None:
 
 def test_every_column_that_is_stored_is_described(command: Command, tmp_path: Path) -> None:
     words = ("controller=pid", "tuner=random", "world=corner", "budget=10", "simulator=planar", "workers=1")
-    assert command("tune", *words, "hydra.run.dir=tuned").code == 0
+    assert command("tune", *words, "record=ranges", "hydra.run.dir=tuned").code == 0
     others = {"episodes": {metric.name for metric in DECLARED}, "evaluations": {"kp", "ki", "kd"}}
     for kind in TABLES:
         for part in (tmp_path / "tuned" / kind).glob("part-*.parquet"):
@@ -117,21 +118,44 @@ def test_the_pages_that_are_made_have_every_metric_column_controller_and_study()
     }
 
 
-def test_the_site_builds_without_a_warning_and_asks_no_network(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built without a warning."""
     pytest.importorskip("mkdocs")
     from mkdocs.commands.build import build
     from mkdocs.config import load_config
 
-    config = load_config(str(ROOT / "mkdocs.yml"), site_dir=str(tmp_path / "site"), strict=True)
-    build(config)
-    for page in (tmp_path / "site").glob("*.html"):
+    folder = tmp_path_factory.mktemp("site")
+    build(load_config(str(ROOT / "mkdocs.yml"), site_dir=str(folder), strict=True))
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.parametrize("page", ["index", "metrics", "look", "controllers/sflc", "studies/zhao2017/report"])
+def test_a_page_fits_a_phone_and_the_keyboard_reaches_what_scrolls(page: str, site: Path, tmp_path: Path) -> None:
+    browser = Browser(tmp_path, 390, 844)
+    try:
+        browser.open(site / f"{page}.html", "document.querySelector('.md-search[aria-label]')")
+        assert browser.ask("document.documentElement.scrollWidth") == 390
+        scrolls = "[...document.querySelectorAll('.md-content *')].filter(e => e.scrollWidth > e.clientWidth + 1 && "
+        scrolls += "['auto', 'scroll'].includes(getComputedStyle(e).overflowX))"
+        browser.wait(f"{scrolls}.every(e => e.tabIndex === 0 || e.querySelector('a, button'))")
+        assert not browser.errors
+    finally:
+        browser.close()
+
+
+def test_the_site_asks_no_network(site: Path) -> None:
+    for page in site.glob("*.html"):
         loaded = re.findall(r'<(?:script|img|iframe)[^>]* src="([^"]+)|<link[^>]* href="([^"]+)', page.read_text())
         assert not [link for found in loaded for link in found if link.startswith(("http", "//"))], page.name
-    assert "<math" in (tmp_path / "site/statistics.html").read_text()
-    assert "arithmatex" not in (tmp_path / "site/statistics.html").read_text()
+    assert "<math" in (site / "statistics.html").read_text()
+    assert "arithmatex" not in (site / "statistics.html").read_text()
 
 
 def test_the_pictures_are_small() -> None:
     sizes = [file.stat().st_size for file in (ROOT / "docs/media").rglob("*.png")]
     assert max(sizes) <= 150_000
     assert sum(sizes) <= 1_500_000
+    assert (ROOT / "docs/media/failure.mp4").stat().st_size <= 2_000_000

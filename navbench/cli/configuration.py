@@ -105,6 +105,7 @@ def cell_of(run: Composed, makers: Mapping[str, Callable[..., Controller]] = NON
         first_episode=alone or 0,
         metrics=metrics_of(run.values["metrics"]),
         timeout_s=run.values["controller_timeout_s"],
+        keep_ranges=run.values["record"] == "ranges",
     )
 
 
@@ -114,6 +115,8 @@ def _check_numbers(values: Mapping[str, Any]) -> None:
     for key, (low, high) in most.items():
         if values[key] is not None and not low <= values[key] <= high:
             raise DescriptionError(f"{key}={values[key]}: must be from {low} to {high}")
+    if values["record"] not in (None, "ranges"):
+        raise DescriptionError(f"record={values['record']}: must be ranges, or null for nothing more")
     timeout_s = values["controller_timeout_s"]
     if timeout_s is not None and not 0.0 < timeout_s < float("inf"):
         raise DescriptionError(f"controller_timeout_s={timeout_s}: must be a finite number above 0, or null for any")

@@ -68,7 +68,8 @@ def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
         whole = f"{parent} is null here; set the whole mapping, as {parent}={{{cause.key}: {given.partition('=')[2]}}}"
         complaint = f"{place or key}: unknown key; {instead(cause.key, allowed, HERE) if allowed else whole}"
     else:
-        complaint = f"{place or given or key}: {_allowed(cause)}"
+        value = re.match(r"Value '([^'\n]+)' of type", str(cause)) if file else None
+        complaint = f"{place or given or key}{f'={value[1]}' if value else ''}: {_allowed(cause)}"
     return f"{file[1]}.yaml: {complaint}" if file else complaint
 
 

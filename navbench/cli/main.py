@@ -43,6 +43,7 @@ keys of a run or sweep
   controller_timeout_s=X                            CPU time that a step of a controller may take; default 60
   hydra.run.dir=DIR hydra.sweep.dir=DIR             where the results go; default outputs/DATE/TIME-...; what an
                                                     earlier call with the same words finished there is kept
+  record=ranges                                     keep what the range sensors read with the trajectories
   engine=local|dask|ray|slurm engine.KEY=VALUE      where they run: `navbench list engine`
   resume=other-code                                 keep it even where code that makes results has changed since
   --overwrite                                       remove finished parts that are there and not of this work; without

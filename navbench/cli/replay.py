@@ -30,13 +30,14 @@ navbench replay DIR [...] --video FILE.mp4|FILE.gif: write it as a video, which 
   speed=X                                           how many times as fast as it was driven; default 1
   --video FILE                                      .gif, or .mp4 with `pip install 'navbench[video]'`
 
-Ranges are not stored: rays are computed again in planar, from the stored layout and poses, without noise.
+Rays are those that the controller met where the run was told `record=ranges`; elsewhere they are computed again in
+planar, from the stored layout and poses, without noise.
 """
 KEYS = ("episode", "robot", "speed", "run_id", "name", "label", "controller", "world")
 FORMS = {".mp4": 30.0, ".gif": 20.0}  # and how many frames a second at most
 SPEEDS = (0.01, 1000.0)
 HOLD_S = 1.5  # how long the last frame stands
-SOURCE = "rays computed again in planar, without noise"
+AGAIN, RECORDED = "rays computed again in planar, without noise", "rays as recorded"
 
 
 def replay(arguments: Sequence[str]) -> int:
@@ -66,7 +67,7 @@ def replay(arguments: Sequence[str]) -> int:
     it = played(stored, run_id, episode)
     print(it.title + (f": {note}" if note else ""))
     configuration = stored.configuration(run_id)["configuration"]
-    robots, rays = _shown(it, robot), rays_again(configuration, it)
+    robots, rays = _shown(it, robot), rays_of(configuration, it)
     if video is None:
         window = _with_window()
         if window is None:
@@ -140,27 +141,33 @@ def move_to(simulator: "Simulator", t_s: float, poses: "NDArray[np.float64]") ->
     simulator.scene.move_to(t_s)
 
 
-def rays_again(configuration: Mapping[str, Any], it: "Played") -> "Rays":
-    """Return what computes from stored poses, at any instant, what the rings measure without noise; see ``Film``."""
+def rays_of(configuration: Mapping[str, Any], it: "Played") -> "Rays":
+    """Return what tells at any instant what the rings read, see ``Film``: as recorded, or computed without noise."""
     import numpy as np
 
     from navbench.simulation.motion import measure_clearance
     from navbench.simulation.planar import PlanarSimulator
 
     simulator = placed(PlanarSimulator, configuration, it)
-    ring, radius_m = simulator.sensors.range_sensors(), simulator.robot.radius_m
-    mounts = np.array([(one.x_m, one.y_m, one.heading_rad, one.max_range_m) for one in ring]).reshape(-1, 4)
+    sensors, radius_m = simulator.sensors.range_sensors(), simulator.robot.radius_m
+    mounts = np.array([(one.x_m, one.y_m, one.heading_rad, one.max_range_m) for one in sensors]).reshape(-1, 4)
 
-    def rays(t_s: float, poses: "NDArray[np.float64]") -> list["NDArray[np.float64]"]:
+    def read(t_s: float, poses: "NDArray[np.float64]") -> "Sequence[NDArray[np.float64]]":
+        if it.recorded:
+            return [robot.read(t_s) for robot in it.robots]
         move_to(simulator, t_s, poses)
         measure_clearance(simulator.robots, simulator.scene.arrays, radius_m)
+        return list(simulator.ranges())
+
+    def rays(t_s: float, poses: "NDArray[np.float64]") -> list["NDArray[np.float64]"]:
         found = []
-        for (x, y, heading), ranges_m in zip(poses.tolist(), simulator.ranges(), strict=True):
-            cosine, sine, (ahead, left) = np.cos(heading), np.sin(heading), mounts.T[:2]
+        for (x, y, heading), ranges_m in zip(poses.tolist(), read(t_s, poses), strict=True):
+            ring = mounts[: len(ranges_m)]
+            cosine, sine, (ahead, left) = np.cos(heading), np.sin(heading), ring.T[:2]
             begin = x + cosine * ahead - sine * left, y + sine * ahead + cosine * left
-            along = heading + mounts[:, 2]
+            along = heading + ring[:, 2]
             end = begin[0] + ranges_m * np.cos(along), begin[1] + ranges_m * np.sin(along)
-            found.append(np.stack([*begin, *end, ranges_m < mounts[:, 3]], axis=1))
+            found.append(np.stack([*begin, *end, ranges_m < ring[:, 3]], axis=1))
         return found
 
     return rays
@@ -194,12 +201,13 @@ def write_video(it: "Played", robots: Sequence[int], rays: "Rays", speed: float,
     times_s, a_second = frames_of(it, speed, FORMS[file.suffix])
     hold = [times_s[-1]] * round(HOLD_S * a_second)
     with replacing(file) as temporary, progress() as told:
-        pictures = _pictures(Film(it, robots, rays, _note(speed)), [*times_s, *hold], told)
+        pictures = _pictures(Film(it, robots, rays, _note(it, speed)), [*times_s, *hold], told)
         (_write_gif if file.suffix == ".gif" else _write_mp4)(temporary, pictures, a_second)
 
 
-def _note(speed: float) -> str:
-    return SOURCE if speed == 1.0 else f"{speed:g} times as fast as driven\n{SOURCE}"
+def _note(it: "Played", speed: float) -> str:
+    source = RECORDED if it.recorded else AGAIN
+    return source if speed == 1.0 else f"{speed:g} times as fast as driven\n{source}"
 
 
 def _pictures(film: "Film", times_s: Sequence[float], told: Any) -> Iterator["NDArray[np.uint8]"]:
@@ -265,7 +273,7 @@ def _play_simulator(simulator: "Simulator", it: "Played", robots: Sequence[int],
             noses = np.concatenate([poses[:, :2], poses[:, :2] + _ahead(it.radius_m, poses)], axis=1)
             lines = np.concatenate([noses, *(measured[i][:, :4] for i in robots)])
             told = "  ".join([f"{at_s:.2f} s", *it.robots[robots[0]].says(at_s)])
-            words = [told, *_note(speed).split("\n")]
+            words = [told, *_note(it, speed).split("\n")]
             if not simulator.mark(lines, [word.replace("°", "deg") for word in words]):
                 return
             simulator.show(it.period_s / speed)
@@ -289,7 +297,7 @@ def _play_figure(it: "Played", robots: Sequence[int], rays: "Rays", speed: float
     figure = pyplot.figure()
     if pyplot.get_backend().lower() == "agg":
         raise DescriptionError("replay: Matplotlib finds no window toolkit, such as tkinter; --video FILE.gif")
-    film = Film(it, robots, rays, _note(speed), figure)
+    film = Film(it, robots, rays, _note(it, speed), figure)
     kept = FuncAnimation(figure, film.update, times_s, interval=1000.0 / a_second, blit=True, repeat=False)
     pyplot.show()
     del kept  # which would stop without a name

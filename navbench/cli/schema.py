@@ -34,6 +34,7 @@ class Run:
     workers: int | None = omegaconf.MISSING
     controller_timeout_s: float | None = omegaconf.MISSING
     metrics: list[str] = omegaconf.MISSING
+    record: str | None = omegaconf.MISSING
 
 
 @dataclass

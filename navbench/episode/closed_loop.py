@@ -36,7 +36,7 @@ def close(
     errors: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     clock: tuple[int, int, float, float],
     room: tuple[FloatArray, FloatArray, FloatArray],
-    kept: tuple[FloatArray, FloatArray, IntArray],
+    kept: tuple[FloatArray, FloatArray, IntArray, FloatArray],
 ) -> int:
     """Run control periods until no robot runs, and return how many were begun.
 
@@ -54,7 +54,8 @@ def close(
         clock: the number of the first control period and after the last one; a period's length, the time limit [s].
         room: for a robot's rays, as ``read_ring``; for a ring's readings; for the discs around a robot.
         kept: states and traces (n, periods, ...), written: those of each period begun while the robot ran; and how
-            many these are, (n,). The last state of a robot that was stopped holds its command.
+            many these are, (n,). The last state of a robot that was stopped holds its command. Then
+            what the sensors read [m], (n, periods, n_sensors), or (n, 0, 0) where that is not kept.
     """
     states, parameters, traces = borrowed(policies)
     robots, pipeline, scenery, fixed = borrowed(robots), borrowed(pipeline), borrowed(scenery), borrowed(fixed)
@@ -69,7 +70,7 @@ def close(
     sensing, least, most, goals, believed, scales = senses
     range_errors, dropouts, places, travels = errors
     beams, ranges, around = room
-    kept_states, kept_traces, kept_counts = kept
+    kept_states, kept_traces, kept_counts, kept_ranges = kept
     count, radius_m, track_m = robots.shape[0], fixed[0].radius_m, fixed[0].track_m
     length, time = sensing[0].length, sensing[0].time
     acted = np.zeros(count, np.int64)
@@ -90,6 +91,8 @@ def close(
             ranges[:] = unobstructed
             read_ring(robots, i, scenery, rays, reach_m, radius_m, beams, ranges)
             read(ranges, range_errors[i, row], dropouts[i, row], least, most, sensing)
+            if kept_ranges.shape[1]:
+                kept_ranges[i, row] = ranges * length
             if not sensing[0].drifts:
                 believed[i, 0], believed[i, 1], believed[i, 2] = robot.x_m, robot.y_m, robot.heading_rad
                 believed[i, 3] = 0.5 * (robot.left_mps + robot.right_mps)

@@ -20,7 +20,7 @@ from navbench.episode.tasks import FreeSpace
 from navbench.mathematics.streams import stream
 from navbench.metrics import METRICS, MetricFunction, RobotRun, declared
 from navbench.policy import CompiledController
-from navbench.records import Outcome, RobotRecord
+from navbench.records import NO_RANGES, Outcome, RobotRecord
 from navbench.robot import Robot
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
@@ -65,6 +65,7 @@ class EpisodeRunner:
         jitter: of the starts.
         metrics: what is measured of each robot.
         timeout_s: CPU time that a step may take before this process ends [s]; None for any.
+        keep_ranges: whether records keep what the range sensors read.
 
     Attributes:
         robots: how many robots drive.
@@ -92,11 +93,12 @@ class EpisodeRunner:
         jitter: Jitter,
         metrics: Sequence[MetricFunction] = METRICS,
         timeout_s: float | None = None,
+        keep_ranges: bool = False,
     ) -> None:
         world.check_fits(robot.radius_m)
         self._template, self._native, self._robot, self._jitter = world, native, robot, jitter
         self.make_controller, self.seed, self._metrics = make_controller, seed, metrics
-        self._apart = Isolation(timeout_s)
+        self._apart, self._keep_ranges = Isolation(timeout_s), keep_ranges
         self._made: tuple[object, dict[int, CompiledController]] = None, {}
         self._sensors = sensors.scaled_to(robot.radius_m)
         self._similarity = Similarity.between(robot, native)
@@ -208,14 +210,14 @@ class EpisodeRunner:
         scene, rays = simulator.scene, simulator.rays
         discs = len(scene.discs) + len(scene.polygons) + len(pilots) - 1
         room = simulator.beams, np.empty(len(rays.unobstructed)), np.empty((discs, 5))
-        limit_s, first = self.time_limit_s, 0
+        limit_s, first, keeps = self.time_limit_s, 0, self._keep_ranges
         blocks: list[list[FloatArray]] = [[] for _ in pilots]
         while simulator.running and first < self.periods:
             count = min(PERIODS_AT_ONCE if self.senses.errs else PERIODS_MAX, self.periods - first)
             drawn = [(*sight.draw(count, discs), sight.draw_travel(count)) for sight in sights]
             kept = (
                 np.empty((len(pilots), count, 6)), np.empty((len(pilots), count, stacked[2].shape[1])),
-                np.zeros(len(pilots), np.int64),
+                np.zeros(len(pilots), np.int64), np.empty((len(pilots), *((count, len(room[1])) if keeps else (0, 0)))),
             )  # fmt: skip
             simulator.reserve(min(self.period_s, limit_s))
             run_closed(
@@ -228,6 +230,7 @@ class EpisodeRunner:
                 blocks[i].append(kept[0][i, : kept[2][i]])
                 pilot.traces.append(kept[1][i, : kept[2][i]].tobytes())
                 pilot.trace_names = policy.trace_names
+                pilot.ranges.append(kept[3][i, : kept[2][i]])
             first += count
         for i, (pilot, pieces) in enumerate(zip(pilots, blocks, strict=True)):
             pilot.states = np.concatenate([pilot.states, *pieces])
@@ -314,6 +317,8 @@ class EpisodeRunner:
         speed = (0.5 * (left + right), (right - left) / self._robot.track_m)
         discs = None if self._sensors.tracker is None else simulator.tracked_discs(index)
         observation = pilot.perception.observe(t_s, Pose(x, y, heading), speed, ranges_m, touching, discs)
+        if self._keep_ranges:
+            pilot.ranges.append(observation.ranges_m[np.newaxis] * self._similarity.length)
         try:
             begin = time.perf_counter()
             command = pilot.controller.act(observation)
@@ -374,6 +379,7 @@ class EpisodeRunner:
             pilot.hit,
             self._world,
             "\n".join(failed.traceback for failed in said if failed.traceback),
+            np.concatenate([np.empty((0, len(self.senses.most))), *pilot.ranges]) if self._keep_ranges else NO_RANGES,
         )
 
 

@@ -27,6 +27,7 @@ class Pilot:
     states: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     traces: list[bytes] = field(default_factory=list)
     trace_names: tuple[str, ...] | None = None
+    ranges: list[FloatArray] = field(default_factory=list)  # (periods, n_sensors) each [m]
     latencies_s: list[float] = field(default_factory=list)
     outcome: Outcome = "timed_out"
     failure: Failure = Failure()

@@ -76,6 +76,7 @@ class Cell:
         name: what the cell is there for; the cells of a comparison share it.
         label: what tables and reports call its controller; empty for its configuration's name.
         keep_trajectories: whether they are kept beside the table of episodes.
+        keep_ranges: whether trajectories hold what the range sensors read, too.
         tuning: the name of the tuning whose best parameters it takes; empty for none.
         tuning_seed: that tuning's seed; -1 without one.
         metrics: what is measured of each robot.
@@ -99,6 +100,7 @@ class Cell:
     name: str = "run"
     label: str = ""
     keep_trajectories: bool = True
+    keep_ranges: bool = False
     tuning: str = ""
     tuning_seed: int = -1
     metrics: tuple[MetricFunction, ...] = METRICS
@@ -171,6 +173,7 @@ class Cell:
             jitter=self.jitter,
             metrics=self.metrics,
             timeout_s=self.timeout_s if in_worker() else None,
+            keep_ranges=self.keep_ranges,
         )
 
 

@@ -45,6 +45,8 @@ TABLES: Mapping[str, Columns] = {  # by the kind of its parts, in the order of `
         "heading_rad": "where the robot looks, counter-clockwise from x, in (-π, π] [rad]",
         "v_mps": "the mean speed in this period [m/s]; in the last row that of the one before",
         "w_radps": "the mean turning rate in this period, positive to the left [rad/s]; likewise",
+        "ranges_m": "with `record=ranges`: a list of what each range sensor read at that time [m], in the order of the "
+        "suite and with its errors, as the controller met it; none in the last row",
     },
     "latency": {
         **RUN,

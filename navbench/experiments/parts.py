@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 KINDS = ("episodes", "trajectories", "latency", "layouts", "evaluations", "checks", "descriptions")
 CODE = "code"  # under which a part names the code that made it
 BESIDE = "beside"  # the parts that were written before it and that it needs
+RECORD = "record"  # what its trajectories hold beyond what they always hold
 TUNING = "tuning"  # the tuning that its parameters come from, and its seed
 NOTE = "navbench."  # before each of these in the file
 DAMAGED = "damaged"

@@ -40,7 +40,7 @@ def batches_of_all(cells: Sequence[Cell]) -> list[tuple[CellKey, Batch]]:
         alike.setdefault(key.run_id, []).append((key, cell))
     batches = []
     for same in alike.values():
-        key, cell = max(same, key=lambda pair: pair[1].keep_trajectories)
+        key, cell = max(same, key=lambda pair: (pair[1].keep_trajectories, pair[1].keep_ranges))
         episodes = sorted({index for _, one in same for index in one.indices})
         batches += [(key, batch) for batch in batches_of(cell, episodes)]
     return batches

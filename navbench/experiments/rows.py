@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.records import CellKey, RobotRecord
+from navbench.records import CellKey, FloatArray, RobotRecord
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 STATES = ("t_s", "x_m", "y_m", "heading_rad", "v_mps", "w_radps")
+RANGES = "ranges_m"  # the column that holds a list in each row
+TRAJECTORY = ("run_id", "episode", "robot_index", *STATES, RANGES)  # the other columns are a trace
 
 
 def episode_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]], layouts: Mapping[int, str]) -> "pa.Table":
@@ -63,9 +65,11 @@ def trajectory_columns(records: Sequence[tuple[int, RobotRecord]]) -> dict[str, 
     }
     states = np.concatenate([record.states for _, record in records])
     columns |= {name: states[:, i] for i, name in enumerate(STATES)}
+    if any(record.ranges_m.size for _, record in records):
+        columns[RANGES] = np.empty(sum(lengths), object)
+        columns[RANGES][:] = [row for _, record in records for row in _ranges(record)]
     for name in dict.fromkeys(name for _, record in records for name in record.trace_names):
-        taken = name in columns or name == "run_id"
-        column = f"trace_{name}" if taken else str(name)  # a trace never hides a column of the trajectory
+        column = f"trace_{name}" if name in TRAJECTORY else str(name)  # a trace never hides what is not of it
         columns[column] = np.concatenate([_trace(record, name) for _, record in records])
     return columns
 
@@ -74,6 +78,11 @@ def _trace(record: RobotRecord, name: str) -> Any:
     if name in record.trace_names:
         return record.traces[:, record.trace_names.index(name)]
     return np.full(len(record.states), np.nan)
+
+
+def _ranges(record: RobotRecord) -> list[FloatArray | None]:
+    """Return what the range sensors read at each state, nothing at the end."""
+    return [*record.ranges_m, *[None] * (len(record.states) - len(record.ranges_m))]
 
 
 def latency_table(cell: CellKey, records: Sequence[tuple[int, RobotRecord]]) -> "pa.Table":

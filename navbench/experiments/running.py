@@ -176,7 +176,9 @@ class _Part(NamedTuple):
     def keep(self, records: Records) -> None:
         """Write what the batch did."""
         cell, episodes = self.batch
-        self.results.write_batch(self.key, episodes, records, cell.keep_trajectories, self.code)
+        self.results.write_batch(
+            self.key, episodes, records, cell.keep_trajectories, self.code, ranges=cell.keep_ranges
+        )
 
 
 def _run_part(part: _Part) -> Records | DescriptionError | None:
@@ -319,7 +321,7 @@ class _Running:
             LOG.warning("%s: %d parts of an earlier tuning are removed", results.path, len(replaced))
         results.keep_only(PARTS, parts)
         stale = self._of_other_code("episodes", {name: part.code for name, part in parts.items()})
-        todo = [part for name, part in parts.items() if name in stale or not self._is_finished(name)]
+        todo = [part for name, part in parts.items() if name in stale or not self._is_finished(name, part.batch.cell)]
         planned = sum(len(part.batch.episodes) for part in parts.values())
         finished = planned - sum(len(part.batch.episodes) for part in todo)
         if todo:
@@ -346,8 +348,11 @@ class _Running:
         others = [name for name in self.results.parts("episodes") if name not in planned]
         return around(planned, {name: episodes_of(name) for name in others}) if others else planned
 
-    def _is_finished(self, name: str) -> bool:
-        return self.results.has("episodes", name) and not self.results.lacking(name)
+    def _is_finished(self, name: str, cell: Cell) -> bool:
+        results = self.results
+        if not results.has("episodes", name) or results.lacking(name):
+            return False
+        return not cell.keep_ranges or results.holds_ranges(name)
 
     def _tuned(self, cell: Cell) -> Cell:
         """Return a cell with the parameters of its tuning."""

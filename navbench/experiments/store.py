@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import navbench.experiments.parts as parts
 from navbench.experiments.files import OPEN, TEMPORARY, discard_empty, is_whole, keep, replacing, sealed
 from navbench.experiments.manifest import is_other_work, manifest_of, now
-from navbench.experiments.parts import BESIDE, CODE, KINDS, TUNING
+from navbench.experiments.parts import BESIDE, CODE, KINDS, RECORD, TUNING
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
 from navbench.experiments.schema import EPISODES_MAX, LONGEST, read_manifest
 from navbench.experiments.schema import ResultsError as ResultsError
@@ -110,6 +110,10 @@ class Results:
         beside = parts.notes_of(self.path, f"episodes/{name}").get(BESIDE, "").split()
         return [one for one in beside if not (self.path / one).is_file()]
 
+    def holds_ranges(self, name: str) -> bool:
+        """Return whether the trajectories beside a part of episodes hold what the range sensors read."""
+        return parts.notes_of(self.path, f"episodes/{name}").get(RECORD, "") == "ranges"
+
     def record_resume(self, changed: Sequence[str], parts: int, kept: bool) -> None:
         """Write into the manifest that parts of other code were there: which modules had changed, and what was done.
 
@@ -185,6 +189,8 @@ class Results:
         records: Iterable[tuple[int, RobotRecord]],
         trajectories: bool = True,
         code: str = "",
+        *,
+        ranges: bool = False,
     ) -> None:
         """Write a batch's layouts, episodes, trajectories and latencies, each as one part, the episodes last.
 
@@ -194,6 +200,7 @@ class Results:
             records: (episode, record) pairs, in any order.
             trajectories: whether to keep the trajectories.
             code: a digest of the code that made them.
+            ranges: whether the trajectories hold what the range sensors read, where anything was driven.
         """
         ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
         name = batch_name(cell, episodes)
@@ -206,7 +213,8 @@ class Results:
         beside += [f"{kind}/{name}" for kind in tables]
         tuning = f"{cell.tuning} {cell.tuning_seed}" if cell.tuning else ""
         episodes_table = episode_table(cell, ordered, ids)
-        self._write_table(f"episodes/{name}", episodes_table, code, **{BESIDE: " ".join(beside), TUNING: tuning})
+        notes = {BESIDE: " ".join(beside), TUNING: tuning, RECORD: "ranges" if ranges else ""}
+        self._write_table(f"episodes/{name}", episodes_table, code, **notes)
 
     def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> tuple[dict[int, str], list[str]]:
         """Write the geometry of the layouts that were driven; return each episode's layout by its id, and the part.

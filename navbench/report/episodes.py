@@ -24,7 +24,15 @@ from navbench.report.drawing import (
 from navbench.report.drives import BANDS, FEW, Drive, active_of
 from navbench.report.figures import COLOURS, PALETTE, robot_color
 from navbench.report.paths import Word, draw_pieces, draw_stroke, together, write_beside
-from navbench.report.strips import STRIP_INCHES, draw_trace, draw_velocities, strip_height, trace_groups
+from navbench.report.strips import (
+    STRIP_INCHES,
+    draw_ranges,
+    draw_trace,
+    draw_velocities,
+    readings_of,
+    strip_height,
+    trace_groups,
+)
 from navbench.robot import Robot
 from navbench.validation import describe
 from navbench.world.layout import DrawnWorld
@@ -69,8 +77,9 @@ def draw_episode(
     drives = [Drive(row, stored.trajectory(row), robot_color(row["robot_index"])) for row in rows]
     shown = drives if robot is None else [drives[robot]]
     told = _told_of(shown)
-    groups = trace_groups(told.path)
+    groups, recorded = trace_groups(told.path), len(readings_of(told.path)) > 0
     heights = [_map_height(world), *([STRIP_INCHES] * 2), *(strip_height(of) for of in groups.values())]
+    heights += [STRIP_INCHES] * recorded
     figure = Figure(figsize=(MAP_INCHES + LEGEND_INCHES, sum(heights) + 1.0), layout="constrained")
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     ax = figure.add_subplot(grid[0])
@@ -78,10 +87,12 @@ def draw_episode(
     for i in range(1, len(heights)):
         strips.append(figure.add_subplot(grid[i], sharex=strips[0] if strips else None))
     draw_velocities(strips[0], strips[1], shown, told)
-    for strip, (title, columns) in zip(strips[2:], groups.items(), strict=True):
+    for strip, (title, columns) in zip(strips[2:], groups.items(), strict=not recorded):
         draw_trace(strip, told, title, columns)
-    if groups and len(shown) > 1:
-        strips[2].set_title(f"trace of {told.name}", fontsize=8, loc="left")
+    if recorded:
+        draw_ranges(strips[-1], told)
+    if len(strips) > 2 and len(shown) > 1:
+        strips[2].set_title(f"{'trace' if groups else 'ranges'} of {told.name}", fontsize=8, loc="left")
     for strip in strips[:-1]:
         strip.tick_params(labelbottom=False)
     strips[-1].set_xlabel("t [s]")

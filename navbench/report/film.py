@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.stored import StoredResults
-from navbench.experiments.rows import STATES
+from navbench.experiments.rows import RANGES, TRAJECTORY
 from navbench.report.drawing import MOVER, MOVER_EDGE, draw_goal, draw_obstacles, frame, mover_patch
 from navbench.report.drives import ACTIVE, FEW, Drive, active_of
 from navbench.report.figures import COLOURS, robot_color
@@ -41,6 +41,7 @@ class Driven:
         drive: what it did.
         poses: (n, 3) x, y [m] and heading [rad]; n >= 1.
         names: what is told of its trace in numbers.
+        recorded: whether it is kept what its range sensors read.
     """
 
     def __init__(self, drive: Drive, begin: tuple[float, float, float], words: Mapping[str, Mapping[str, str]]) -> None:
@@ -49,7 +50,9 @@ class Driven:
         self._times_s = path["t_s"].to_numpy(dtype=float)
         self._speeds = path[["v_mps", "w_radps"]].to_numpy(dtype=float)
         self._active = active_of(path)
-        names = [name for name in path.columns if name not in (*STATES, "run_id", "episode", "robot_index")]
+        self._ranges: list[FloatArray | None] = path[RANGES].tolist() if RANGES in path.columns else []
+        self.recorded = any(row is not None for row in self._ranges)
+        names = [name for name in path.columns if name not in TRAJECTORY]
         names = [name for name in names if not name.startswith(ACTIVE) and path[name].notna().any()]
         self._words = {name: words[name] for name in names if name in words}
         self.names = [name for name in names if name not in words][:TRACES]
@@ -58,6 +61,11 @@ class Driven:
     def place(self, t_s: float) -> int:
         """Return which of its states holds at an instant: the last one where it has ended."""
         return max(int(np.searchsorted(self._times_s, t_s + 1e-9)) - 1, 0)
+
+    def read(self, t_s: float) -> FloatArray:
+        """Return (n_sensors,) what its range sensors read at an instant [m]; (0,) at its end, and where it is lost."""
+        row = self._ranges[self.place(t_s)] if self._ranges else None
+        return np.empty(0) if row is None else row
 
     def ended(self, t_s: float) -> bool:
         """Return whether it has an outcome."""
@@ -98,6 +106,11 @@ class Played(NamedTuple):
     robots: Sequence[Driven]
     period_s: float
     end_s: float
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it is kept what range sensors read."""
+        return any(robot.recorded for robot in self.robots)
 
     def poses(self, t_s: float) -> FloatArray:
         """Return (robots, 3) x, y [m] and heading [rad] at an instant."""

@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.experiments.rows import RANGES, TRAJECTORY
 from navbench.world.layout import DrawnWorld
 
 if TYPE_CHECKING:
     import pandas as pd
 
 QUANTA = {"t_s": 1e-4, "x_m": 1e-3, "y_m": 1e-3, "heading_rad": 1e-3, "v_mps": 1e-3, "w_radps": 1e-3}
-KEYS = ("run_id", "episode", "robot_index")  # the other columns of a trajectory are its trace
 TRACES = 32  # columns at most
+RANGE_M = 1e-3  # the quantum of what a range sensor read
 LEVELS = 4000  # of a trace's values that are not whole numbers
 
 
@@ -75,8 +76,9 @@ def packed_states(
         stride: one state in so many is kept, and the last one.
 
     Returns:
-        The text, in which for each robot the columns of ``QUANTA`` and then those of its trace follow each other; and
-        for each robot ``n``, how many states it has, and ``traces``: each column's name, lowest value and quantum.
+        The text, in which for each robot the columns of ``QUANTA``, of its trace, and of its range sensors follow each
+        other; and for each robot ``n``, how many states it has, ``traces``: each column's name, lowest value and
+        quantum, and where that is kept ``sensors``: how many there are.
     """
     columns: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
     told: dict[Any, dict[int, dict[str, Any]]] = {}
@@ -86,7 +88,7 @@ def packed_states(
             kept = path.iloc[np.unique([*range(0, len(path), stride), len(path) - 1])]
             columns += [_differences(kept[name].to_numpy() / quantum) for name, quantum in QUANTA.items()]
             traces = []
-            for name in [name for name in kept.columns if name not in (*KEYS, *QUANTA)][:TRACES]:
+            for name in [name for name in kept.columns if name not in TRAJECTORY][:TRACES]:
                 values = kept[name].to_numpy(dtype=float)
                 there = values[np.isfinite(values)]
                 if len(there):
@@ -95,6 +97,10 @@ def packed_states(
                     columns.append(_differences(numbers))
                     traces.append([name, low, quantum])
             told[key][robot] = {"n": len(kept), "traces": traces}
+            if readings := [row for row in kept.get(RANGES, ()) if row is not None]:
+                told[key][robot]["sensors"] = len(readings[0])
+                missing = np.zeros((len(kept) - len(readings), len(readings[0])))
+                columns += map(_differences, np.concatenate([1.0 + np.array(readings) / RANGE_M, missing]).T)
     planes = np.concatenate(columns).astype("<i4").view(np.uint8).reshape(-1, 4).T  # bytes of one weight side by side
     return _packed(planes.tobytes()), told
 

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from navbench.experiments.rows import STATES
+from navbench.experiments.rows import RANGES, TRAJECTORY
 from navbench.report.drives import ACTIVE, BANDS, FEW, Drive
 from navbench.report.figures import PALETTE
 from navbench.report.trajectories import stairs, widen_flat
@@ -41,7 +42,7 @@ def trace_groups(path: "pd.DataFrame") -> dict[str, list[str]]:
     Those that are always 0 or 1 share one; so do those of one unit, and those without a unit that stay within -1 and 1;
     each other one has its own. Those that tell which behaviour is active are left out.
     """
-    own = [name for name in path.columns if name not in (*STATES, "run_id", "episode", "robot_index")]
+    own = [name for name in path.columns if name not in TRAJECTORY]
     own = [name for name in own if not name.startswith(ACTIVE)]
     groups: dict[str, list[str]] = {}
     for name in own:
@@ -81,6 +82,24 @@ def draw_trace(ax: "Axes", told: Drive, title: str, columns: Sequence[str]) -> N
         ax.set_ylabel("" if title == columns[0] else title, fontsize=8)
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize=7)
     _finish_strip(ax, told)
+
+
+def readings_of(path: "pd.DataFrame") -> NDArray[np.float64]:
+    """Return (n, n_sensors) what the range sensors read [m], as far as that is kept: else (0, 0)."""
+    kept = path[RANGES].dropna() if RANGES in path.columns else ()
+    return np.stack(list(kept)) if len(kept) else np.empty((0, 0))
+
+
+def draw_ranges(ax: "Axes", told: Drive) -> None:
+    """Draw what the range sensors read, a row a sensor, in the suite's order from below."""
+    readings, t_s = readings_of(told.path), told.path["t_s"].to_numpy()
+    edges = np.append(t_s, t_s[-1])[: len(readings) + 1]  # what raised has no state at its end
+    mesh = ax.pcolormesh(edges, np.arange(readings.shape[1] + 1) - 0.5, readings.T, cmap="magma", rasterized=True)
+    bar = ax.figure.colorbar(mesh, cax=ax.inset_axes((1.015, 0.0, 0.012, 1.0)))
+    bar.set_label("range read [m]", fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    ax.set_ylabel("sensor", fontsize=8)
+    ax.tick_params(labelsize=8)
 
 
 def _finish_strip(ax: "Axes", told: Drive) -> None:

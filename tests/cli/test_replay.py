@@ -12,7 +12,7 @@ from PIL import Image
 
 import navbench
 from navbench.cli import replay
-from navbench.cli.replay import frames_of, rays_again
+from navbench.cli.replay import frames_of, rays_of
 from navbench.contract import Command as Asked
 from navbench.contract import Observation, Setup
 from navbench.report.film import Film, Played, played
@@ -54,7 +54,7 @@ def single(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_rays_are_what_the_controller_saw_to_the_last_bit() -> None:
     it, configuration = episode(navbench.run(controller=Looker(), world="deadlock", simulator="planar", workers=0))
-    rays = rays_again(configuration, it)
+    rays = rays_of(configuration, it)
     assert len(SEEN) > 50
     for t_s, ranges_m in SEEN:
         (found,) = rays(t_s, it.poses(t_s))
@@ -63,17 +63,63 @@ def test_rays_are_what_the_controller_saw_to_the_last_bit() -> None:
     assert len({ranges_m.tobytes() for _, ranges_m in SEEN}) > 10
 
 
+@pytest.mark.parametrize("simulator", ["planar", "pybullet"])
+def test_recorded_ranges_are_what_the_controller_saw_to_the_last_bit_and_are_played(simulator: str) -> None:
+    noisy = "sensors.noise_std_m=0.01", "sensors.dropout_probability=0.02", "record=ranges"
+    ran = navbench.run(*noisy, controller=Looker(), world="deadlock", simulator=simulator, workers=0)
+    kept = ran.trajectories["ranges_m"].tolist()
+    assert kept[-1] is None, "at the end nothing is read"
+    assert [row.tobytes() for row in kept[:-1]] == [ranges_m.tobytes() for _, ranges_m in SEEN]
+    it, configuration = episode(ran)
+    rays = rays_of(configuration, it)
+    for t_s, ranges_m in SEEN:
+        (found,) = rays(t_s, it.poses(t_s))
+        lengths_m = np.hypot(*(found[:, 2:4] - found[:, :2]).T)
+        np.testing.assert_allclose(lengths_m, ranges_m, rtol=0.0, atol=1e-12)
+    assert [len(of) for of in rays(it.end_s, it.poses(it.end_s))] == [0]
+    assert replay._note(it, 1.0) == "rays as recorded"
+
+
+def test_ranges_are_recorded_in_metres_of_the_world_whatever_the_controller_s_units() -> None:
+    ran = navbench.run("record=ranges", controller="go_to_goal", world="zhao2017_dynamic", sensors="ring16", **PLANAR)
+    (cell,) = ran._stored.manifest["cells"]
+    readings = np.stack(ran.trajectories["ranges_m"].dropna().tolist())
+    radius_m = cell["configuration"]["robot"]["radius_m"]
+    suite = navbench.sensors.suite_of(cell["configuration"]["sensors"]).scaled_to(radius_m)
+    assert readings.max() == suite.max_range_m
+    assert 0.0 <= readings.min() < readings.max()
+
+
+def test_a_run_that_is_to_record_runs_again_what_was_not_recorded_and_keeps_the_rows(tmp_path: Path) -> None:
+    words: dict[str, Any] = {"controller": "sflc", "world": "corner", "dir": tmp_path / "kept", **PLANAR}
+    before = navbench.run(**words)
+    assert "ranges_m" not in before.trajectories.columns
+    (part,) = (tmp_path / "kept/episodes").iterdir()
+    recorded = navbench.run("record=ranges", **words)
+    assert recorded.trajectories["ranges_m"].notna().sum() == len(recorded.trajectories) - 1
+    assert recorded.episodes.equals(before.episodes)
+    written = part.stat().st_mtime_ns
+    for again in (navbench.run("record=ranges", **words), navbench.run(**words)):
+        assert "ranges_m" in again.trajectories.columns
+        assert part.stat().st_mtime_ns == written, "what is recorded is not run again"
+
+
+def test_a_wrong_record_is_refused_in_one_line(command: Command) -> None:
+    done = command("controller=sflc", "record=range")
+    assert (done.code, done.err) == (2, "navbench: record=range: must be ranges, or null for nothing more\n")
+
+
 def test_what_a_ray_hits_is_seen_where_another_robot_stands(fleet: Path) -> None:
     it, configuration = episode(navbench.load(fleet))
     end_s = float(it.end_s)
-    measured = rays_again(configuration, it)(end_s, it.poses(end_s))
+    measured = rays_of(configuration, it)(end_s, it.poses(end_s))
     assert len(measured) == len(it.robots) == 3
     assert any((rays[:, 4] > 0.0).any() for rays in measured)
 
 
 def test_a_frame_shows_the_clock_and_what_is_active(single: Path) -> None:
     it, configuration = episode(navbench.load(single))
-    film = Film(it, [0], rays_again(configuration, it), "rays computed again")
+    film = Film(it, [0], rays_of(configuration, it), "rays computed again")
     first, later, again = (film.picture(t_s) for t_s in (0.0, 3.0, 0.0))
     assert (first != later).any()
     assert (first == again).all()

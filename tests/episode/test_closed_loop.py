@@ -105,6 +105,7 @@ def records(simulator: type[PlanarSimulator], options: SimulatorOptions, **given
         make_controller=lambda: next(makers) if "controllers" in given else Wander(),
         make_simulator=lambda *parts: simulator(options, *parts),
         native=native, world=template, robot=robot, sensors=sensors, seed=4, jitter=Jitter(0.5, 0.5),
+        keep_ranges=given.get("keep_ranges", True),
     ) as runner:  # fmt: skip
         return [runner.run(episode) for episode in range(given.get("episodes", 6))]
 
@@ -136,6 +137,15 @@ def test_the_compiled_loop_gives_the_bytes_of_the_loop_in_python(
         for one, other in zip(mine, theirs, strict=True):
             assert same(one, other)
             assert (one.hit, one.layout, len(one.states)) == (other.hit, other.layout, len(other.states))
+            assert one.ranges_m.shape == (len(one.states) - 1, 16)
+
+
+def test_ranges_that_are_not_kept_change_nothing_else() -> None:
+    kept, without = (records(PlanarSimulator, SimulatorOptions(), keep_ranges=keep) for keep in (True, False))
+    for mine, theirs in zip(kept, without, strict=True):
+        for one, other in zip(mine, theirs, strict=True):
+            assert other.ranges_m.size == 0 < one.ranges_m.size
+            assert same(one._replace(ranges_m=other.ranges_m), other)
 
 
 def test_more_periods_than_go_at_once_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

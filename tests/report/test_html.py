@@ -130,6 +130,18 @@ def test_unpacked_states_are_within_half_a_quantum_and_whole_traces_exact(many: 
         place += robot["n"]
 
 
+def test_recorded_ranges_reach_the_page_within_half_a_millimetre(tmp_path: Path) -> None:
+    record = a_record(ranges_m=np.array([[0.5, 1.2345], [0.25, 2.0], [0.0, 0.1], [0.4999, 0.3]]))
+    data = playback(store(tmp_path, [(a_cell(), [record])])).data
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(data["states"])), np.uint8)
+    numbers = np.ascontiguousarray(planes.reshape(4, -1).T).view("<i4").ravel()
+    (robot,) = data["episodes"][0]["robots"]
+    assert robot["sensors"] == 2
+    columns = numbers[-2 * robot["n"] :].reshape(2, -1).cumsum(axis=1)
+    assert columns[:, -1].tolist() == [0, 0], "at the end nothing is read"
+    np.testing.assert_allclose((columns[:, :-1].T - 1) * 1e-3, record.ranges_m, atol=0.5001e-3)
+
+
 def test_what_users_wrote_stays_text_in_the_page(tmp_path: Path) -> None:
     cell = a_cell(HOSTILE)._replace(run_id="hostile", name=HOSTILE)
     record = a_record("controller_error", reason=HOSTILE, traceback=f"Traceback\n{HOSTILE}")

@@ -110,6 +110,7 @@ function unpackStates(bytes) { // see navbench/report/packed.py
     for (const robot of episode.robots) {
       [robot.t, robot.x, robot.y, robot.heading, robot.v, robot.w] = QUANTA.map(quantum => column(robot.n, quantum));
       robot.trace = Object.fromEntries(robot.traces.map(([name, low, quantum]) => [name, column(robot.n, quantum, low)]));
+      robot.ranges = Array.from({ length: robot.sensors || 0 }, () => column(robot.n, 1e-3, 0));
       robot.path = new Path2D();
       for (let i = 0; i < robot.n; i++) robot.path.lineTo(robot.x[i], robot.y[i]);
     }
@@ -337,22 +338,25 @@ async function begin() {
   function drawRays(context) {
     const robot = episode.robots[chosen], cell = cellOf(episode), pixel = 1 / view.scale, readings = [];
     if (!robot.n) return readings;
-    const { x, y, heading } = poseAt(robot, t), cos = Math.cos(heading), sin = Math.sin(heading), seen = obstaclesAt(layout(), t);
+    const at = poseAt(robot, t), recorded = robot.ranges.length > 0;
+    const [x, y, heading] = recorded ? [robot.x[at.i], robot.y[at.i], robot.heading[at.i]] : [at.x, at.y, at.heading];
+    const cos = Math.cos(heading), sin = Math.sin(heading), seen = obstaclesAt(layout(), t);
     seen.discs = [...seen.discs, ...episode.robots.filter(other => other !== robot && other.n).map(other => { const at = poseAt(other, t); return [at.x, at.y, cell.radius]; })];
     context.strokeStyle = ink.ray;
     context.lineWidth = pixel;
     context.globalAlpha = cell.mounts.length > 40 ? 0.35 : 0.8;
     context.beginPath();
-    for (const [role, mx, my, looks, far, half, rays] of cell.mounts) {
+    for (const [m, [role, mx, my, looks, far, half, rays]] of cell.mounts.entries()) {
       const px = x + mx * cos - my * sin, py = y + mx * sin + my * cos;
+      const read = recorded ? robot.ranges[m][at.i] : undefined; // NaN at the end
       let nearest = far;
-      for (let k = 0; k < rays; k++) {
-        const angle = heading + looks + (rays > 1 ? half * (2 * k / (rays - 1) - 1) : 0), reach = cast(px, py, angle, far, seen);
+      for (let k = 0; k < (recorded ? !Number.isNaN(read) : rays); k++) {
+        const angle = heading + looks + (!recorded && rays > 1 ? half * (2 * k / (rays - 1) - 1) : 0), reach = recorded ? read : cast(px, py, angle, far, seen);
         context.moveTo(px, py);
         context.lineTo(px + reach * Math.cos(angle), py + reach * Math.sin(angle));
         nearest = Math.min(nearest, reach);
       }
-      if (nearest < far) readings.push([nearest, role]);
+      if (nearest < far - 5e-4) readings.push([nearest, role]);
     }
     context.stroke();
     context.globalAlpha = 1;
@@ -401,7 +405,7 @@ async function begin() {
     const state = t >= lastOf(robot) ? `${robot.outcome.replaceAll("_", " ")} at ${lastOf(robot).toFixed(2)} s` : `v ${robot.v[i].toFixed(3)} m/s, w ${robot.w[i].toFixed(3)} rad/s`;
     id("instant").textContent = `Robot ${robot.robot + 1} at (${x.toFixed(2)}, ${y.toFixed(2)}) m, heading ${(heading * 360 / TURN).toFixed(0)}°: ${state}.`
       + (active.length ? ` Active: ${active.join(", ")}.` : "")
-      + (readings.length ? ` Nearest, cast here without noise: ${readings.slice(0, 3).map(([reach, role]) => `${role} ${reach.toFixed(2)} m`).join(", ")}.` : "");
+      + (readings.length ? ` Nearest, ${robot.ranges.length ? "as recorded" : "cast here without noise"}: ${readings.slice(0, 3).map(([reach, role]) => `${role} ${reach.toFixed(2)} m`).join(", ")}.` : "");
     scene.setAttribute("aria-label", `The scene at ${t.toFixed(2)} s. ${id("instant").textContent}`);
     plot(id("plot-v"), robot, robot.v);
     plot(id("plot-w"), robot, robot.w);
