@@ -15,12 +15,12 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 from navbench.contract import Controller
 from navbench.episode.isolation import let_interrupt
-from navbench.importing import import_named
+from navbench.importing import import_named, without_exit
 from navbench.raised import one_line, own_line, said_by
 from navbench.records import Names
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
-from navbench.validation import HERE, DescriptionError, describe, instead
+from navbench.validation import HERE, DescriptionError, NotInstalledError, describe, instead
 
 CONTROLLER = ("reset(setup, rng)", "act(observation)")
 
@@ -108,7 +108,8 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
         if inspect.isclass(maker.func) and is_pydantic_dataclass(maker.func):
             thing = describe(maker.func, maker.keywords, key.rpartition(".")[2])  # whose complaint is one line
         else:
-            thing = maker()
+            with without_exit():
+                thing = maker()
     except BaseException as error:  # whatever a constructor says of its parameters
         let_interrupt(error)
         raise DescriptionError(_complaint(error, key, maker)) from None
@@ -130,8 +131,8 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     try:
         found = getattr(import_named(module), name)
-    except DescriptionError as error:  # of a module that says itself what it needs
-        raise DescriptionError(f"{complaint} {error}") from None
+    except NotInstalledError:
+        raise
     except BaseException as error:  # a user's module may raise anything
         let_interrupt(error)
         raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None

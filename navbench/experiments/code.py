@@ -3,17 +3,22 @@
 import hashlib
 import importlib.util
 import os
+import platform
 import re
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from functools import cache, lru_cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 EPISODE = "navbench.episode.loop"  # from which the floors that make an episode are reached
 IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([^\n]*))", re.M)
+PACKAGES = ("numba", "numpy", "scipy", "pybullet")  # on whose versions the last digits may depend
 STANDARD = sysconfig.get_paths()["stdlib"]
 
 
@@ -59,6 +64,34 @@ def digest_now(name: str) -> str | None:
     return None if found is None else _digest(found.read_bytes())
 
 
+def loaded() -> dict[str, str]:
+    """Return of each module of the user's that this process has imported the digest of what would be imported now."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if isinstance(file, str) and not name.startswith(("navbench.", "__m")) and _is_loaded(file):
+            found[name] = digest_now(name)
+    return {name: digest for name, digest in found.items() if digest}
+
+
+def changed(code: Mapping[str, str]) -> str:
+    """Return which of some modules lie here with another source than their digests say, as one line; empty for none."""
+    return ", ".join(name for name, digest in code.items() if digest_now(name) not in (None, digest))
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return what decides rows beside a user's code: the versions of Python and packages, and a digest of navbench."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    roots = [Path(__file__).parents[1], *map(Path, import_module("navbench.controllers").__path__)]
+    files = (file for root in roots for file in root.rglob("*.py") if file.parent.name != "conf")
+    sources = {_digest(file.read_bytes()) for file in files}  # wherever they lie
+    return {**found, "navbench's code": _digest(" ".join(sorted(sources)).encode())}
+
+
 def commit() -> str | None:
     """Return the git commit of navbench's own sources; None where they are not under git."""
     folder = Path(__file__).parent
@@ -91,6 +124,11 @@ def _file_of(name: str) -> Path | None:
         if file.is_file():
             return file
     return None
+
+
+@cache
+def _is_loaded(file: str) -> bool:
+    return file.endswith(".py") and _is_users(Path(file))
 
 
 def _is_users(file: Path) -> bool:

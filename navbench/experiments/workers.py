@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import connection, current_process, get_context, parent_process
 from multiprocessing.connection import Connection
@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from navbench.episode.timeout import EXPIRED, stop_timers
+from navbench.experiments.code import changed, loaded
 from navbench.raised import one_line
 from navbench.validation import DescriptionError
 
@@ -56,14 +57,18 @@ class MachineError(DescriptionError):
 
 
 class Worker:
-    """A worker process, begun where this process is and with what it imports from."""
+    """A worker process, begun where this process is and with what it imports from.
 
-    def __init__(self) -> None:
+    Args:
+        begun: as ``begun`` returned it when the run began; what lies here otherwise now, the process refuses to run.
+    """
+
+    def __init__(self, begun: "Begun") -> None:
         context = _context()
-        self.place = place()
+        self.begun = begun
         self._end, theirs = context.Pipe()
         self._said, says = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(theirs, says), name=NAME)
+        self._process = context.Process(target=_work, args=(theirs, says, begun.code), name=NAME)
         with _STARTING, _without_main():
             start_server()
             self._process.start()
@@ -151,6 +156,23 @@ def place() -> tuple[str, ...]:
     return (os.getcwd(), *sys.path)
 
 
+class Begun(NamedTuple):
+    """What a worker was begun with, which it has for good.
+
+    Attributes:
+        place: where it works, and what it imports from.
+        code: the digest of each module of the user's, as of ``loaded``.
+    """
+
+    place: tuple[str, ...]
+    code: Mapping[str, str]
+
+
+def begun() -> Begun:
+    """Return what workers that are begun now are begun with."""
+    return Begun(place(), loaded())
+
+
 def in_worker() -> bool:
     """Return whether this process is a worker."""
     return current_process().name == NAME
@@ -184,7 +206,7 @@ def _without_main() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-def _work(batches: Connection, says: Connection) -> None:
+def _work(batches: Connection, says: Connection, code: Mapping[str, str]) -> None:
     """Do one batch after another, until the driver ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if GROUPS:
@@ -194,11 +216,12 @@ def _work(batches: Connection, says: Connection) -> None:
             faulthandler.register(number, says.fileno(), all_threads=False, chain=True)
     threading.Thread(target=_end_with_driver, daemon=True).start()
     folder, process = os.getcwd(), os.getpid()
+    other = changed(code)
     with suppress(EOFError, OSError):
         while True:
             message = batches.recv_bytes()
             os.chdir(folder)
-            answer = answer_to(message)
+            answer = refused(f"{other}: changed since this run began") if other else answer_to(message)
             stop_timers()
             print(end="", flush=True)
             if os.getpid() != process:  # a fork of the controller's, which is nobody's worker
@@ -219,6 +242,14 @@ def answer_to(message: bytes) -> bytes:
         answer = _raised(error)
     except BaseException as error:  # of a user's code that means to end the process
         answer = cloudpickle.dumps((Death(one_line(error), format_exc()), None))
+    return answer
+
+
+def refused(why: str) -> bytes:
+    """Return what a batch comes to in a process that must not run it, pickled: it may be run by another one."""
+    import cloudpickle
+
+    answer: bytes = cloudpickle.dumps((Death(why, by_machine=True), None))
     return answer
 
 

@@ -267,6 +267,14 @@ def test_a_folder_may_be_named_before_the_verb(command: Command, tmp_path: Path)
     assert "mine" in command("--config-dir", "conf", "list", "controller").out
 
 
+@pytest.mark.parametrize("place", ["import math", "self.gain = gain"])
+def test_a_module_that_ends_the_process_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
+    text = "import os\n" + MINE.replace(place, "os._exit(0)")
+    write(tmp_path, {"mine.py": text, "conf/controller/mine.yaml": MINE_YAML})
+    done = in_a_process(tmp_path, "--config-dir", "conf", "controller=mine", "world=empty")
+    check_refused(done, "SystemExit: os._exit(0) (mine.py, line ")
+
+
 @pytest.mark.parametrize(("name", "text", "said"), [(row[0], row[1], row[2:]) for row in WRONG_FILES])
 def test_a_wrong_controller_of_a_user_is_refused_in_one_line(
     command: Command, tmp_path: Path, name: str, text: str, said: tuple[str, ...]

@@ -12,15 +12,15 @@ from pydantic.dataclasses import dataclass
 
 from navbench.experiments import remote
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, begun
 from navbench.raised import one_line
-from navbench.validation import STRICT, DescriptionError
+from navbench.validation import STRICT, DescriptionError, NotInstalledError
 
 try:
     from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
     from distributed.client import FutureCancelledError
 except ModuleNotFoundError as error:
-    raise DescriptionError(f"needs {error.name}: pip install 'navbench[dask]'") from None
+    raise NotInstalledError("engine=dask", error, "dask") from None
 
 REACHED_S = 10.0  # within which a scheduler answers, and a worker is there
 
@@ -52,14 +52,14 @@ class _Dask:
 
     def __init__(self, client: Client) -> None:
         self._client = client
-        self._run = uuid4().hex
+        self._run, self._begun = uuid4().hex, begun()
         self._numbers: dict[Future[Any], int] = {}
         self._done = as_completed()
 
     def send(self, tasks: Mapping[int, Task]) -> None:
         """Begin with some tasks."""
         for number, task in tasks.items():
-            future = self._client.submit(remote.do, remote.packed(task, self._run), pure=False)
+            future = self._client.submit(remote.do, remote.packed(task, self._run, self._begun), pure=False)
             self._numbers[future] = number
             self._done.add(future)
 
