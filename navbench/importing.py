@@ -35,10 +35,10 @@ def without_exit() -> Iterator[None]:
     """Let ``os._exit`` of a user's code, which would end this process without a word, raise ``SystemExit``."""
     end, process = os._exit, os.getpid()
 
-    def refuse(code: int) -> NoReturn:
+    def refuse(status: int) -> NoReturn:
         if os.getpid() != process:  # a fork ends as it means to
-            end(code)
-        raise SystemExit(f"os._exit({code})")
+            end(status)
+        raise SystemExit(f"os._exit({status})")
 
     os._exit = refuse
     try:
