@@ -97,7 +97,7 @@ def maker_of(key: str, build: Any, methods: Sequence[str], target: Callable[...,
         raise DescriptionError(f"{key}._target_: missing; it {_kind(methods)}")
     parameters = {name: copy.deepcopy(value) for name, value in build.items() if name != "_target_"}
     target = target or located(f"{key}._target_", build["_target_"], methods)
-    _check_finite(key, parameters)
+    _check_plain(key, parameters)
     _check_parameters(key, target, parameters)
     return partial(target, **parameters)
 
@@ -114,7 +114,8 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
         let_interrupt(error)
         raise DescriptionError(_complaint(error, key, maker)) from None
     if not all(hasattr(thing, method.split("(")[0]) for method in methods):
-        target = f"{maker.func.__module__}.{getattr(maker.func, '__qualname__', maker.func)}"
+        func = getattr(maker.func, "thing", maker.func)  # of an object that a program gave
+        target = f"{func.__module__}.{getattr(func, '__qualname__', func)}"
         raise DescriptionError(f"{key}._target_={target}: {_kind(methods)}")
     return thing
 
@@ -149,13 +150,15 @@ def check_keys(values: Iterable[str], key: str, allowed: Sequence[str]) -> None:
             raise DescriptionError(f"{key}.{name}: unknown key; {instead(name, allowed, HERE)}")
 
 
-def _check_finite(key: str, value: Any) -> None:
-    """Check the numbers at any depth: what is not finite has no place in a manifest, and hides a slip."""
+def _check_plain(key: str, value: Any) -> None:
+    """Check the values at any depth: what is not finite, or bytes, has no place in a manifest, and hides a slip."""
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for name, part in inner:
-        _check_finite(f"{key}.{name}" if isinstance(value, dict) else f"{key}[{name}]", part)
+        _check_plain(f"{key}.{name}" if isinstance(value, dict) else f"{key}[{name}]", part)
     if isinstance(value, float) and not math.isfinite(value):
         raise DescriptionError(f"{key}={value}: must be a finite number")
+    if isinstance(value, bytes):  # which YAML has, and JSON has not
+        raise DescriptionError(f"{key}={value!r}: must be a word, a number, a list or a mapping")
 
 
 def _check_parameters(key: str, target: Callable[..., Any], parameters: Mapping[str, Any]) -> None:

@@ -19,6 +19,13 @@ def complain(message: str) -> int:
     return 2
 
 
+def tell(message: str) -> None:
+    """Print what may hold somebody's words or paths, of which a terminal obeys nothing."""
+    from navbench.reading import printable
+
+    print(printable(message), flush=True)
+
+
 class Step(NamedTuple):
     """How far something is.
 

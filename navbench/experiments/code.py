@@ -3,22 +3,17 @@
 import hashlib
 import importlib.util
 import os
-import platform
 import re
 import subprocess
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from functools import cache, lru_cache
-from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 EPISODE = "navbench.episode.loop"  # from which the floors that make an episode are reached
 IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([^\n]*))", re.M)
-PACKAGES = ("numba", "numpy", "scipy", "pybullet")  # on whose versions the last digits may depend
 STANDARD = sysconfig.get_paths()["stdlib"]
 
 
@@ -61,7 +56,7 @@ def digest_now(name: str) -> str | None:
     inner = [Path(folder, *packages) for folder in folders]
     files = (file for folder in inner for file in (folder / f"{last}.py", folder / last / "__init__.py"))
     found = next((file for file in files if file.is_file()), None)
-    return None if found is None else _digest(found.read_bytes())
+    return None if found is None else digest_of(found.read_bytes())
 
 
 def loaded() -> dict[str, str]:
@@ -77,19 +72,6 @@ def loaded() -> dict[str, str]:
 def changed(code: Mapping[str, str]) -> str:
     """Return which of some modules lie here with another source than their digests say, as one line; empty for none."""
     return ", ".join(name for name, digest in code.items() if digest_now(name) not in (None, digest))
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Return what decides rows beside a user's code: the versions of Python and packages, and a digest of navbench."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    roots = [Path(__file__).parents[1], *map(Path, import_module("navbench.controllers").__path__)]
-    files = (file for root in roots for file in root.rglob("*.py") if file.parent.name != "conf")
-    sources = {_digest(file.read_bytes()) for file in files}  # wherever they lie
-    return {**found, "navbench's code": _digest(" ".join(sorted(sources)).encode())}
 
 
 def commit() -> str | None:
@@ -139,10 +121,11 @@ def _is_users(file: Path) -> bool:
 def _read(file: Path, name: str, *_: int) -> tuple[str, list[str]]:
     """Return the digest of a module's source and the names that it may import, as its file stands now."""
     source = file.read_bytes()
-    return _digest(source), list(_imports(source.decode(errors="replace"), name, file))
+    return digest_of(source), list(_imports(source.decode(errors="replace"), name, file))
 
 
-def _digest(source: bytes) -> str:
+def digest_of(source: bytes) -> str:
+    """Return sixteen digits of the SHA-256 of a source."""
     return hashlib.sha256(source).hexdigest()[:16]
 
 

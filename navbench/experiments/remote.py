@@ -11,16 +11,21 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import current_process
 from multiprocessing.util import Finalize
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any, NamedTuple
 
-from navbench.experiments.code import changed, versions
+from navbench import simulation
+from navbench.experiments.code import changed, digest_of
 from navbench.experiments.crew import Crew, Task
 from navbench.experiments.workers import Begun, Death, answer_to, refused
+from navbench.simulation.base import Simulator
 
-VERSIONS = versions()  # when this process imported navbench, which is what it runs
+PACKAGES = ("numba", "numpy", "scipy")  # on whose versions, and the simulators', the last digits may depend
 
 
 class Packed(NamedTuple):
@@ -43,6 +48,23 @@ class Packed(NamedTuple):
     path: tuple[str, ...]
     code: Mapping[str, str]
     versions: Mapping[str, str]
+
+
+def versions() -> dict[str, str]:
+    """Return what decides rows beside a user's code: the versions of Python and packages, and a digest of navbench."""
+    found = {"python": platform.python_version()}
+    for module in iter_modules(simulation.__path__, "navbench.simulation."):
+        import_module(module.name)
+    for package in dict.fromkeys((*PACKAGES, *(name for kind in Simulator.__subclasses__() for name in kind.packages))):
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    roots = [Path(__file__).parents[1], *map(Path, import_module("navbench.controllers").__path__)]
+    files = (file for root in roots for file in root.rglob("*.py") if file.parent.name != "conf")
+    sources = {digest_of(file.read_bytes()) for file in files}  # wherever they lie
+    return {**found, "navbench's code": digest_of(" ".join(sorted(sources)).encode())}
+
+
+VERSIONS = versions()  # when this process imported navbench, which is what it runs
 
 
 def packed(task: Task, run: str, begun: Begun) -> Packed:

@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import connection, current_process, get_context, parent_process
@@ -27,9 +28,12 @@ NAME = "navbench worker"
 FORKS = sys.platform == "linux"
 GROUPS = hasattr(os, "setsid")
 WATCH_S = 0.5  # between two looks at a worker
+LOOKS = 20  # the last ones, which tell a step that waits from one that gets no core
 END_S = 5.0  # that a process may take to end that has been told to
 MEMORY_SHARE = 0.8  # of the machine's memory is what one worker may take
 PRELOADED = ("navbench.experiments.running", "navbench.experiments.warm")
+CLOCK = getattr(signal, "SIGALRM", None)
+STARVED = "a step got too little of a core: this machine does too much else"
 FROM_OUTSIDE = {-getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
 _STARTING = threading.Lock()
@@ -77,6 +81,7 @@ class Worker:
         self._pid = int(self._process.pid or 0)
         self._watched_s = time.monotonic()
         self._killed: Death | None = None
+        self._runs: deque[bool] = deque(maxlen=LOOKS)  # whether it ran, or would with a core, when it was looked at
 
     def do(self, function: Callable[[Any], Any], argument: Any) -> Any:
         """Return what a function makes of an argument, or the ``Death`` that the process died of it.
@@ -114,14 +119,15 @@ class Worker:
         self._process.join(END_S)
 
     def _watch(self) -> None:
-        """End it where it takes too much memory, or was stopped."""
+        """Look at it, and end it where it takes too much memory, or was stopped."""
         if time.monotonic() - self._watched_s < WATCH_S:
             return
-        from psutil import STATUS_STOPPED, Error, Process, virtual_memory
+        from psutil import STATUS_RUNNING, STATUS_STOPPED, Error, Process, virtual_memory
 
         self._watched_s = time.monotonic()
         with suppress(Error):  # it has ended meanwhile
             seen, most = Process(self._pid), MEMORY_SHARE * virtual_memory().total
+            self._runs.append(seen.status() == STATUS_RUNNING)
             if seen.memory_info().rss > most:
                 self._killed = Death(f"its process took more than {most / 1e9:.3g} GB of memory")
             elif seen.status() == STATUS_STOPPED:
@@ -143,7 +149,8 @@ class Worker:
         if code is None or code >= 0:
             return Death(f"its process ended with exit code {code}", trace)
         if -code in EXPIRED:
-            return Death(EXPIRED[-code], trace)
+            starved = -code == CLOCK and sum(self._runs) > len(self._runs) / 2
+            return Death(STARVED if starved else EXPIRED[-code], trace, starved)
         return Death(f"its process died of {signal.Signals(-code).name}", trace, code in FROM_OUTSIDE)
 
 

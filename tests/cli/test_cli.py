@@ -284,6 +284,24 @@ def test_what_is_too_large_too_deep_or_too_long_is_refused_in_one_line(command: 
     check_refused(command("controller=go_to_goal", word), said)
 
 
+def test_bytes_in_a_file_are_refused_by_their_key(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"mine.py": MINE, "conf/controller/mine.yaml": MINE_YAML.replace("2.0", "[1, !!binary aGk=]")})
+    check_refused(command("--config-dir", "conf", "controller=mine"), "controller.build.gain[1]=b'hi': must be a word")
+
+
+def test_a_file_that_cannot_be_listed_is_named(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/controller/mine.yaml": MINE_YAML})
+    (tmp_path / "conf/controller/loop.yaml").symlink_to("loop.yaml")
+    check_refused(command("--config-dir", "conf", "list"), "conf/controller/loop.yaml: Too many levels of symbolic")
+
+
+def test_a_working_directory_that_was_removed_is_told(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    os.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    check_refused(command(*GO), "the working directory: it is not there any more")
+
+
 @pytest.mark.parametrize("place", ["import math", "self.gain = gain"])
 def test_a_module_that_ends_the_process_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
     text = "import os\n" + MINE.replace(place, "os._exit(0)")

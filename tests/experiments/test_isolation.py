@@ -180,7 +180,7 @@ def draws_of(own: Path, folder: str, how: str, *words: str, workers: int | None 
     """Return what each episode's controller drew, of a run that is then moved away, so that none is resumed."""
     rows = run_it(own, how, "episodes=6", *words, workers=workers).results.trajectories()
     (own / "results").rename(own / folder)
-    return {int(episode): ones["drawn"].dropna().tolist() for episode, ones in rows.groupby("episode")}
+    return {int(str(episode)): ones["drawn"].dropna().tolist() for episode, ones in rows.groupby("episode")}
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 import navbench
 from navbench.experiments import remote
-from navbench.experiments.code import changed, loaded, versions
+from navbench.experiments.code import changed, loaded
 from navbench.experiments.crew import Task, end_workers
 from navbench.experiments.engines import Work, run
 from navbench.experiments.workers import begun
@@ -83,7 +83,7 @@ def test_what_is_changed_is_named(mine: Path) -> None:
 
 
 def test_the_driver_s_versions_are_named_and_told_apart() -> None:
-    assert {"python", "numba", "numpy", "navbench's code"} <= set(versions())
+    assert {"python", "numba", "numpy", "navbench's code"} <= set(remote.versions())
 
 
 @pytest.mark.parametrize("name", ["python", "numba", "navbench's code"])
@@ -93,7 +93,7 @@ def test_a_worker_of_other_versions_is_refused_in_one_line(name: str) -> None:
     death = remote.unpacked(remote.do(packed._replace(versions={**packed.versions, name: "0.1"})))
     remote.stop(name)
     assert death.by_machine
-    assert death.reason.endswith(f" has {name} {versions()[name]}, and the driver 0.1")
+    assert death.reason.endswith(f" has {name} {remote.versions()[name]}, and the driver 0.1")
 
 
 def test_a_worker_with_another_source_of_the_user_s_is_refused_in_one_line(mine: Path) -> None:

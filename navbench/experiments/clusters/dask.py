@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.experiments import remote
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death, begun
+from navbench.experiments.workers import Death, MachineError, begun
 from navbench.raised import one_line
 from navbench.validation import STRICT, DescriptionError, NotInstalledError
 
@@ -101,8 +101,11 @@ def _client(address: str | None, workers: int | None) -> Client:
     if address is None:
         workers = workers or os.cpu_count() or 1
         options = {"threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0, "silence_logs": "CRITICAL"}
-        with _uninterrupted():
-            return Client(LocalCluster(n_workers=workers, **options))
+        try:
+            with _uninterrupted():
+                return Client(LocalCluster(n_workers=workers, **options))
+        except (OSError, RuntimeError) as error:  # one of its processes was killed meanwhile
+            raise MachineError(Death(f"dask cannot be started: {one_line(error)}", by_machine=True)) from None
     said = "no dask scheduler answers there"
     try:
         client = Client(address, timeout=REACHED_S)
