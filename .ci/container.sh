@@ -2,21 +2,8 @@
 # container.sh ROOT: what the image does, without an engine: installed by its own script in a Debian root, then run by a
 # user without a name or a home while nothing but /work and /tmp can be written.
 set -euo pipefail
-cd "$(dirname "$0")/.."
-root=$(realpath --canonicalize-missing "$1")
-if [ "$(id -u)" != 0 ] || ! command -v debootstrap >/dev/null; then
-  echo "make test-container needs root, and debootstrap: apt-get install debootstrap" >&2
-  exit 1
-fi
-if [ ! -e "$root/bin/sh" ]; then
-  mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 'Origin: Debian' | head -n 1)
-  debootstrap --variant=minbase --include=ca-certificates,python3-venv bookworm "$root" ${mirror:+"$mirror"}
-fi
-# pip gets its packages there as it does here
-cp --dereference --remove-destination /etc/resolv.conf "$root/etc/"
-for file in /etc/pip.conf /etc/ssl/certs/ca-certificates.crt; do
-  if [ -e $file ]; then cp --dereference $file "$root$file"; fi
-done
+source "$(dirname "$0")/root.sh"
+begin_root bookworm "make test-container"
 rm -rf "$root/opt/navbench"
 mkdir -p "$root/opt/navbench/source" "$root/work"
 git ls-files -z | tar --create --null --files-from - | tar --extract --directory "$root/opt/navbench/source"

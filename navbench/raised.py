@@ -3,7 +3,6 @@
 import sysconfig
 import traceback
 from pathlib import Path
-from textwrap import shorten
 
 from navbench.validation import DescriptionError
 
@@ -16,7 +15,13 @@ def one_line(error: BaseException) -> str:
     """Return what an exception says, shortened, and where it was raised, as ``own_line`` does."""
     kind = "" if isinstance(error, DescriptionError) else f"{type(error).__name__}: "
     text = f"{kind}{said_by(error)}".strip()
-    return (text if len(text) <= REASON_MAX else text[: REASON_MAX - 3] + "...") + own_line(error)
+    return shortened(text, REASON_MAX) + own_line(error)
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text as one line of at most so many characters, cut where it is longer, within a word, too."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 3]}..."
 
 
 def said_by(error: BaseException) -> str:
@@ -42,7 +47,7 @@ def own_line(error: BaseException) -> str:
     ]
     if not own:
         return ""
-    text = shorten(own[-1].line or "", LINE_MAX, placeholder=" ...")
+    text = shortened(own[-1].line or "", LINE_MAX)
     return f" ({Path(own[-1].filename).name}, line {own[-1].lineno}: {text})"
 
 

@@ -33,6 +33,13 @@ class DescriptionError(ValueError):
     """A description, an option or a combination of them that cannot be run; the message names key, value, allowed."""
 
 
+class NotInstalledError(DescriptionError):
+    """A package is not installed; the message says what needs it, and how to install it."""
+
+    def __init__(self, key: str, error: ImportError, extra: str) -> None:
+        super().__init__(f"{key}: needs {error.name}; pip install 'navbench[{extra}]'")
+
+
 def instead(name: object, known: Iterable[object], which: str = "allowed") -> str:
     """Return what may stand instead of an unknown name, for the end of an error message.
 

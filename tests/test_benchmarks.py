@@ -2,6 +2,8 @@
 
 import csv
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -98,3 +100,11 @@ def test_the_checker_of_the_soak_sees_what_a_simulator_would_have_missed(monkeyp
     (path, *_), layout = [soak.Path(r) for r in driven(soak.scene(number), number, "planar")], soak.scene(number)
     post = replace(layout, discs=(Disc(x + 0.1 + 1e-3 - 1e-6, y, 1e-3),))
     assert soak.least_gap(soak.gaps_of(post, [path], 0)[0], path.end_s, 2.0) <= -1e-6
+
+
+@pytest.mark.slow
+def test_what_is_killed_at_random_moments_ends_the_same_and_every_flipped_bit_is_found() -> None:
+    words = [sys.executable, "-m", "benchmarks.kill", "--rounds", "5", "--parts", "4"]
+    done = subprocess.run(words, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "5 of 5 rounds left the bytes of an uninterrupted run\n40 of 40 flipped bits were found\n" in done.stdout

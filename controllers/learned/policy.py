@@ -16,7 +16,7 @@ import numpy as np
 from navbench.contract import Command, Observation, RangeSensor, Setup
 from navbench.learning import BESIDE, Scales
 from navbench.reading import bounded
-from navbench.validation import DescriptionError
+from navbench.validation import DescriptionError, NotInstalledError
 
 BYTES_MAX = 2**28  # of a network
 
@@ -93,8 +93,8 @@ def _network(path: str, data: bytes) -> _Network:
     """Return a network, after looking at its form."""
     try:
         import onnxruntime
-    except ModuleNotFoundError:
-        raise DescriptionError(f"path={path}: needs onnxruntime: pip install 'navbench[onnx]'") from None
+    except ModuleNotFoundError as error:
+        raise NotInstalledError(f"path={path}", error, "onnx") from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4  # what is wrong is said below

@@ -15,12 +15,12 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 from navbench.contract import Controller
 from navbench.episode.isolation import let_interrupt
-from navbench.importing import import_named
+from navbench.importing import import_named, without_exit
 from navbench.raised import one_line, own_line, said_by
 from navbench.records import Names
 from navbench.sensors import Sensors
 from navbench.simulation.base import Simulator
-from navbench.validation import HERE, DescriptionError, describe, instead
+from navbench.validation import HERE, DescriptionError, NotInstalledError, describe, instead
 
 CONTROLLER = ("reset(setup, rng)", "act(observation)")
 
@@ -97,7 +97,7 @@ def maker_of(key: str, build: Any, methods: Sequence[str], target: Callable[...,
         raise DescriptionError(f"{key}._target_: missing; it {_kind(methods)}")
     parameters = {name: copy.deepcopy(value) for name, value in build.items() if name != "_target_"}
     target = target or located(f"{key}._target_", build["_target_"], methods)
-    _check_finite(key, parameters)
+    _check_plain(key, parameters)
     _check_parameters(key, target, parameters)
     return partial(target, **parameters)
 
@@ -108,12 +108,14 @@ def made_by(maker: partial[Any], key: str, methods: Sequence[str]) -> Any:
         if inspect.isclass(maker.func) and is_pydantic_dataclass(maker.func):
             thing = describe(maker.func, maker.keywords, key.rpartition(".")[2])  # whose complaint is one line
         else:
-            thing = maker()
+            with without_exit():
+                thing = maker()
     except BaseException as error:  # whatever a constructor says of its parameters
         let_interrupt(error)
         raise DescriptionError(_complaint(error, key, maker)) from None
     if not all(hasattr(thing, method.split("(")[0]) for method in methods):
-        target = f"{maker.func.__module__}.{getattr(maker.func, '__qualname__', maker.func)}"
+        func = getattr(maker.func, "thing", maker.func)  # of an object that a program gave
+        target = f"{func.__module__}.{getattr(func, '__qualname__', func)}"
         raise DescriptionError(f"{key}._target_={target}: {_kind(methods)}")
     return thing
 
@@ -130,8 +132,8 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     try:
         found = getattr(import_named(module), name)
-    except DescriptionError as error:  # of a module that says itself what it needs
-        raise DescriptionError(f"{complaint} {error}") from None
+    except NotInstalledError:
+        raise
     except BaseException as error:  # a user's module may raise anything
         let_interrupt(error)
         raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None
@@ -148,13 +150,15 @@ def check_keys(values: Iterable[str], key: str, allowed: Sequence[str]) -> None:
             raise DescriptionError(f"{key}.{name}: unknown key; {instead(name, allowed, HERE)}")
 
 
-def _check_finite(key: str, value: Any) -> None:
-    """Check the numbers at any depth: what is not finite has no place in a manifest, and hides a slip."""
+def _check_plain(key: str, value: Any) -> None:
+    """Check the values at any depth: what is not finite, or bytes, has no place in a manifest, and hides a slip."""
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for name, part in inner:
-        _check_finite(f"{key}.{name}" if isinstance(value, dict) else f"{key}[{name}]", part)
+        _check_plain(f"{key}.{name}" if isinstance(value, dict) else f"{key}[{name}]", part)
     if isinstance(value, float) and not math.isfinite(value):
         raise DescriptionError(f"{key}={value}: must be a finite number")
+    if isinstance(value, bytes):  # which YAML has, and JSON has not
+        raise DescriptionError(f"{key}={value!r}: must be a word, a number, a list or a mapping")
 
 
 def _check_parameters(key: str, target: Callable[..., Any], parameters: Mapping[str, Any]) -> None:

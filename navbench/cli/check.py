@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from navbench.cli.progress import UNFINISHED
+from navbench.cli.progress import UNFINISHED, tell
 from navbench.cli.words import Words, sort_words
 from navbench.validation import DescriptionError
 
@@ -46,7 +46,7 @@ def check(arguments: Sequence[str]) -> int:
     count = dict.fromkeys(("ok", "note", "FAIL"), 0)
     for finding in findings(cell):
         count[finding.verdict] += 1
-        print(f"{finding.verdict:<5} {finding.name:<9} {finding.said}", flush=True)
+        tell(f"{finding.verdict:<5} {finding.name:<9} {finding.said}")
     print(
         f"{cell.names.controller} in {cell.names.world}: {', '.join(f'{n} {word}' for word, n in count.items() if n)}"
     )

@@ -24,6 +24,7 @@ from navbench.world.world import World
 
 EPISODES_MAX = 10**6
 SEED_MAX = 2**63 - 1  # what a column of whole numbers holds
+TIMEOUT_S = 1e-3, 1e6  # what the timers of operating systems hold
 NONE: Mapping[str, Callable[..., Controller]] = {}
 STEPS_MAX = 10**6  # of an episode: more are a slip in a unit, and would fill the memory
 
@@ -117,9 +118,9 @@ def _check_numbers(values: Mapping[str, Any]) -> None:
             raise DescriptionError(f"{key}={values[key]}: must be from {low} to {high}")
     if values["record"] not in (None, "ranges"):
         raise DescriptionError(f"record={values['record']}: must be ranges, or null for nothing more")
-    timeout_s = values["controller_timeout_s"]
-    if timeout_s is not None and not 0.0 < timeout_s < float("inf"):
-        raise DescriptionError(f"controller_timeout_s={timeout_s}: must be a finite number above 0, or null for any")
+    timeout_s, (low_s, high_s) = values["controller_timeout_s"], TIMEOUT_S
+    if timeout_s is not None and not low_s <= timeout_s <= high_s:
+        raise DescriptionError(f"controller_timeout_s={timeout_s}: must be from {low_s} to {high_s}, or null for any")
     for key in ("start_jitter_m", "start_heading_jitter_rad"):
         if not 0 <= values[key] < float("inf"):
             raise DescriptionError(f"{key}={values[key]}: must be finite and at least 0")

@@ -10,9 +10,13 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import ListConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
+from navbench.raised import shortened
 from navbench.validation import HERE, DescriptionError, instead
 
-CONFIGURATION_ERRORS = (DescriptionError, HydraException, OmegaConfBaseException, OSError, yaml.YAMLError)
+CONFIGURATION_ERRORS = (
+    *(DescriptionError, HydraException, OmegaConfBaseException, OSError, yaml.YAMLError),
+    *(OverflowError, RecursionError),  # of a number beyond what a float holds, of lists in lists
+)
 
 ALLOWED = {  # what OmegaConf says, and what it means to a reader
     "converted to Integer": "must be a whole number",
@@ -42,7 +46,11 @@ def one_line(error: BaseException) -> str:
             f"and a list is {several[1]}=[{several[2]}]"
         )
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        return f"{shortened(str(error.filename), 200)}: {error.strerror}" if error.filename else error.strerror
+    if isinstance(error, OverflowError) and (key := re.search(r"full_key: (\S+)", str(error))):
+        return f"{key[1]}: must be a number, and is too large for one"
+    if isinstance(error, RecursionError):
+        return "lists and mappings are nested too deeply"
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         return f"{error.problem_mark.name}, line {error.problem_mark.line + 1}: {error.problem}"
     if not isinstance(error, DescriptionError) and isinstance(cause, OmegaConfBaseException):

@@ -156,9 +156,10 @@ def load(path: str | Path) -> Result:
     Raises:
         DescriptionError: there are no results.
     """
-    if not Path(path).is_dir():
+    folder = _path("path", path)
+    if not folder.is_dir():
         raise DescriptionError(f"load {path}: there is no such directory")
-    return Result(Path(path))
+    return Result(folder)
 
 
 def check(
@@ -184,7 +185,7 @@ def check(
         "controller": controller, "world": world, "robot": robot, "sensors": sensors, "simulator": simulator,
         "episodes": episodes, "seed": seed,
     }  # fmt: skip
-    given = {*map(key_of, words), *(key for key, value in choices.items() if value is not None)}
+    given = {*map(key_of, _texts(words)), *(key for key, value in choices.items() if value is not None)}
     added = [f"{key}={value}" for key, value in UNLESS_GIVEN.items() if key not in given]
     with one_line_errors():
         (cell,) = cells_of([*added, *words], choices, config_dir).cells
@@ -205,9 +206,10 @@ def cells_of(
     Raises:
         DescriptionError: a wrong value; and what ``Composer.command`` raises.
     """
-    given = given_words(words, choices, config_dir, sweep=sweep)
+    folder = None if config_dir is None else _path("config_dir", config_dir)
+    given = given_words(_texts(words), choices, folder, sweep=sweep)
     makers = {thing.name: thing.make for thing in given.things if thing.make is not None}
-    with composing(config_dir, [thing[:3] for thing in given.things]) as composer:
+    with composing(folder, [thing[:3] for thing in given.things]) as composer:
         composed = list(composer.command("run", given.words, sweep=sweep)[0])
     cells, wrong = [], []
     for index, one in enumerate(composed):
@@ -225,7 +227,7 @@ def cells_of(
 def _carried_out(asked: Asked, dir: str | Path | None, progress: Progress, **kept: Any) -> Result:
     """Run cells and return what they did; arguments as of ``run``."""
     own = tempfile.TemporaryDirectory(prefix="navbench-", ignore_cleanup_errors=True) if dir is None else None
-    path = Path(own.name if own else dir)  # type: ignore[arg-type]
+    path = _path("dir", own.name if own else dir)
     if path.exists() and not path.is_dir():
         raise DescriptionError(f"{path}: is a file; results need a directory")
     with RUNNING:
@@ -233,6 +235,21 @@ def _carried_out(asked: Asked, dir: str | Path | None, progress: Progress, **kep
         if own is None:
             write_tables(Results(path))
     return Result(path, (*asked.wrong, *ran.reasons), own)
+
+
+def _texts(words: Sequence[object]) -> list[str]:
+    """Return words; raises ``DescriptionError`` where one is none."""
+    for word in words:
+        if not isinstance(word, str):
+            raise DescriptionError(f"{word!r:.80}: must be a word, such as 'episodes=10'")
+    return [str(word) for word in words]
+
+
+def _path(key: str, given: object) -> Path:
+    """Return a path; raises ``DescriptionError`` where it is none."""
+    if not isinstance(given, str | Path):
+        raise DescriptionError(f"{key}={given!r:.80}: must be a path")
+    return Path(given)
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """The command line: picks the verb, runs it, prints, and turns what is wrong into one line and exit code 2."""
 
 import gc
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -68,6 +69,8 @@ def main() -> None:
             os.fstat(descriptor)
         except OSError:  # closed by >&-: the next file opened would get its number, and what is printed
             os.open(os.devnull, os.O_RDWR)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # what its encoding has no character for, as on stderr
     try:
         code = _command(sys.argv[1:])
         print(end="", flush=True)
@@ -114,6 +117,10 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
     from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
 
     try:
+        os.getcwd()
+    except FileNotFoundError:
+        return complain("the working directory: it is not there any more")
+    try:
         module = import_module(f"navbench.cli.{verb}")
         if {"-h", "--help"} & {*arguments}:
             print(module.HELP, end="")
@@ -133,12 +140,16 @@ def _list(arguments: list[str]) -> int:
 
     try:
         words = sort_words(arguments)
+        folders = [CONF, *([Path(words.config_dir)] if words.config_dir else [])]
+        known = groups_in(folders)
+        for group in words.names + words.overrides:
+            if group not in known:
+                return complain(f"list {group}: unknown group; {instead(group, known, 'there are')}")
+        print_catalogue(folders, words.names or known)
     except DescriptionError as error:
         return complain(str(error))
-    folders = [CONF, *([Path(words.config_dir)] if words.config_dir else [])]
-    known = groups_in(folders)
-    for group in words.names + words.overrides:
-        if group not in known:
-            return complain(f"list {group}: unknown group; {instead(group, known, 'there are')}")
-    print_catalogue(folders, words.names or known)
+    except OSError as error:
+        if error.filename is None:  # it is the output's
+            raise
+        return complain(f"{error.filename}: {error.strerror}")
     return 0

@@ -31,6 +31,7 @@ The prior is written before the first reconstruction; the same command goes on w
 with more of them. What is found is written into results/STUDY/multiverse.
 """
 NUMBERS = {"n": 16384, "decide": 1024, "search": 320, "seed": 0}
+MOST = 2**20  # reconstructions, or evaluations
 KEYS = (*NUMBERS, "tuned", "out", "engine", "workers")
 
 
@@ -45,12 +46,15 @@ def multiverse(arguments: Sequence[str]) -> int:
     placed = [word for word in words.overrides if re.match(r"(engine|workers)\b", word)]
     options = _options([word for word in words.overrides if word not in placed])
     from navbench.cli.engine import where
+    from navbench.cli.errors import one_line
+    from navbench.cli.flow import INTERRUPTED
     from navbench.cli.prior import prior_of, reconstructions_of
-    from navbench.cli.progress import complain, progress
+    from navbench.cli.progress import UNFINISHED, complain, progress, tell
     from navbench.cli.sampling import BLOCKS, blocks_of
     from navbench.experiments.engines import run
     from navbench.experiments.files import locked
-    from navbench.experiments.samples import Samples
+    from navbench.experiments.samples import PRIOR, Samples
+    from navbench.experiments.workers import MachineError
 
     chosen = where(placed, words.config_dir, "multiverse")
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
@@ -72,11 +76,16 @@ def multiverse(arguments: Sequence[str]) -> int:
                 done += todo[index].size
                 told("reconstructions", done, total)
             files = _finish(of, samples, options["search"], chosen["workers"], told)
-    except KeyboardInterrupt:
-        again = shlex.join(["navbench", "multiverse", *arguments])
-        complain(f"interrupted after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
-        return 130
-    print(f"report: {files[0]} ({len(files)} files)")
+    except BrokenPipeError:  # who reads the output has seen enough
+        raise
+    except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
+        if isinstance(error, OSError) and not (samples.path / PRIOR).is_file():  # nothing was begun
+            raise
+        interrupted, again = isinstance(error, KeyboardInterrupt), shlex.join(["navbench", "multiverse", *arguments])
+        said = "interrupted" if interrupted else f"{one_line(error)}:"
+        complain(f"{said} after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
+        return INTERRUPTED if interrupted else UNFINISHED
+    tell(f"report: {files[0]} ({len(files)} files)")
     return 0
 
 
@@ -116,6 +125,7 @@ def _finish(
 
 
 def _options(overrides: Sequence[str]) -> dict[str, Any]:
+    from navbench.cli.configuration import SEED_MAX
     from navbench.cli.sampling import BLOCK, SCRAMBLES
     from navbench.cli.searching import POPULATION
 
@@ -127,8 +137,9 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
         if key in ("tuned", "out"):
             options[key] = value
             continue
-        if not value.isdecimal():
-            raise DescriptionError(f"{word}: must be a whole number of at least 0")
+        most = SEED_MAX if key == "seed" else MOST
+        if not re.fullmatch("[0-9]{1,19}", value) or int(value) > most:
+            raise DescriptionError(f"{word}: must be a whole number from 0 to {most}")
         options[key] = int(value)
     for key, size, why in (
         ("n", SCRAMBLES * BLOCK, "of each scramble as many"),

@@ -4,7 +4,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from textwrap import shorten
 from typing import Any, NamedTuple
 
 EVERY_S = 10.0  # between two lines of a log
@@ -13,10 +12,18 @@ UNFINISHED = 3  # the exit code where something that was asked for is not there
 
 def complain(message: str) -> int:
     """Print what is wrong as one line, and return the exit code of wrong input."""
+    from navbench.raised import shortened
     from navbench.reading import printable
 
-    print(printable(f"navbench: {shorten(message, 400, placeholder=' ...')}"), file=sys.stderr)
+    print(printable(f"navbench: {shortened(message, 400)}"), file=sys.stderr)
     return 2
+
+
+def tell(message: str) -> None:
+    """Print what may hold somebody's words or paths, of which a terminal obeys nothing."""
+    from navbench.reading import printable
+
+    print(printable(message), flush=True)
 
 
 class Step(NamedTuple):

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navbench.cli.progress import progress
+from navbench.cli.progress import progress, tell
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
 
@@ -65,7 +65,7 @@ def replay(arguments: Sequence[str]) -> int:
     episode, note = episode_of(rows, number("episode", given))
     robot = robot_of(rows, number("robot", given))
     it = played(stored, run_id, episode)
-    print(it.title + (f": {note}" if note else ""))
+    tell(it.title + (f": {note}" if note else ""))
     configuration = stored.configuration(run_id)["configuration"]
     robots, rays = _shown(it, robot), rays_of(configuration, it)
     if video is None:
@@ -76,7 +76,7 @@ def replay(arguments: Sequence[str]) -> int:
             _play_simulator(placed(window, configuration, it, gui=True), it, robots, rays, speed)
     else:
         write_video(it, robots, rays, speed, video)
-        print(f"video: {video}")
+        tell(f"video: {video}")
     return 0
 
 

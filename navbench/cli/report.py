@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navbench.cli.progress import UNFINISHED, complain
+from navbench.cli.progress import UNFINISHED, complain, tell
 from navbench.cli.words import sort_words
 from navbench.raised import one_line
 from navbench.validation import DescriptionError, instead
@@ -37,7 +37,7 @@ def report(arguments: Sequence[str]) -> int:
     if "join" in given:
         if words.names or "out" in given:
             raise DescriptionError(f"join={given['join']}: stands alone; it writes into that directory")
-        print(f"report: {write_joined(given['join'])}")
+        tell(f"report: {write_joined(given['join'])}")
         return 0
     if not words.names:
         raise DescriptionError("report: name at least one results directory")
@@ -61,9 +61,9 @@ def print_written(written: "Written") -> int:
     """Print where each report lies, how much was written beside it, and what of it is not there; return a code."""
     for file in written.files:
         if file.name == "report.md":
-            print(f"report: {file} ({len(written.files)} files)")
+            tell(f"report: {file} ({len(written.files)} files)")
         elif file.name == "report.html":
-            print(f"page: {file}")
+            tell(f"page: {file}")
     for problem in written.problems:
         complain(f"{problem}; all else is written")
     return UNFINISHED if written.problems else 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navbench.cli.reconstructions import Reconstructions, Told
 from navbench.experiments.engines import Work
 from navbench.experiments.samples import DRAWN, MOVED
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, MachineError
 from navbench.mathematics.sensitivity import saltelli
 from navbench.validation import DescriptionError
 
@@ -127,7 +127,8 @@ def _rows(block: Block) -> Iterator[tuple[int, int, Told, float]]:
 
 
 def _lost(block: Block, death: Death) -> dict[str, Any]:
-    raise DescriptionError(f"{block.name}: {death.reason}")
+    what = f"{block.name}: "
+    raise MachineError(death, what) if death.by_machine else DescriptionError(f"{what}{death.reason}")
 
 
 BLOCKS: Work[Block, dict[str, Any]] = Work(run_block, lambda block: [block], _lost, lambda done: done[0])

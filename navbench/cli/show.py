@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navbench.cli.composing import key_of
-from navbench.cli.progress import complain
+from navbench.cli.progress import complain, tell
 from navbench.cli.words import sort_words
 from navbench.records import NOT_DRIVEN
 from navbench.validation import DescriptionError, instead
@@ -69,8 +69,8 @@ def show(arguments: Sequence[str]) -> int:
 
     file = Path(out) if out else Path(f"{_file_name(shown.stem)}.png")
     save_whole(shown.figure, file)
-    print(shown.says)
-    print(f"figure: {file}")
+    tell(shown.says)
+    tell(f"figure: {file}")
     if words.open and not webbrowser.open(file.absolute().as_uri()):
         return complain(f"--open: there is no viewer here; the picture is {file}")
     return 0

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from navbench.cli.progress import tell
 from navbench.experiments.store import Results, write_table
 from navbench.reading import flat
 
@@ -29,7 +30,7 @@ def print_tables(results: Results, each: "Each" = map) -> None:
     sampled = _drawn(results).says
     if sampled:
         print(f"trajectories.png: {sampled}")
-    print(f"results: {results.path}")
+    tell(f"results: {results.path}")
 
 
 def write_tables(results: Results, each: "Each" = map) -> "pd.DataFrame":

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from navbench.cli.catalogue import CONF
+from navbench.cli.progress import tell
 from navbench.cli.words import sort_words
 from navbench.experiments.tunings import Tuning
 from navbench.validation import DescriptionError
@@ -60,7 +61,7 @@ def tune(arguments: Sequence[str]) -> int:
         for check in results.checks().to_dict("records"):
             told = f"{check['kind']} ({check['simulator']})"
             print(f"  {told:<22} cost {check['cost']:<10.6g} {check['reached']} of {check['robots']} reached")
-        print(f"controller: {file}; {_use(file, tuning.cells[0].names.controller, words.config_dir)}")
+        tell(f"controller: {file}; {_use(file, tuning.cells[0].names.controller, words.config_dir)}")
 
     untuned = [replace(cell, name="tune", label=f"untuned {cell.names.controller}") for cell in tuning.cells]
     tuned = [replace(c, label=tuning.name, tuning=tuning.name, tuning_seed=tuning.seed) for c in untuned]

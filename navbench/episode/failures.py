@@ -6,12 +6,11 @@ import struct
 import traceback
 from collections.abc import Mapping, Sequence
 from numbers import Real
-from textwrap import shorten
 from typing import Any, NamedTuple
 
 from navbench.episode.isolation import let_interrupt
 from navbench.metrics import MetricFunction, RobotRun, declared
-from navbench.raised import REASON_MAX, first_line, is_framework, one_line, storable
+from navbench.raised import REASON_MAX, first_line, is_framework, one_line, shortened, storable
 
 FRAMES_MAX = 20  # of a traceback, the innermost
 
@@ -74,7 +73,7 @@ def failure(error: BaseException, act: object = None) -> Failure:
         act: the controller's method, which a ``ContractError`` is about.
     """
     if isinstance(error, ContractError):
-        return Failure(shorten(str(error), REASON_MAX, placeholder="...") + first_line(act))
+        return Failure(shortened(str(error), REASON_MAX) + first_line(act))
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None and is_framework(frame.tb_frame.f_code.co_filename):
         frame = frame.tb_next

@@ -110,6 +110,8 @@ class EpisodeRunner:
             self._always = FreeSpace(world.of(source), robot.radius_m)
         self._same: Drawn | None = None  # a layout and starts that are always the same
         self._possible: Drawn | None = None  # the last one whose task can be done
+        users = [metric.__module__ for metric in metrics] + [type(source).__module__]
+        self._is_users = not all(module.startswith("navbench.") for module in users)  # which may draw where it likes
         self.senses = Senses.of(self._sensors, self._similarity, robot.track_m)
         self.robots, self.time_limit_s = world.robots, world.time_limit_s
         self.periods = math.ceil(world.time_limit_s / self.period_s - 1e-9)
@@ -131,6 +133,8 @@ class EpisodeRunner:
         Args:
             episode: its index, which names its streams.
         """
+        if self._is_users:
+            self._apart.begin((self.seed, self._template.name, episode, 0))
         try:
             drawn = self.draw(episode)
             self._check_possible(drawn)
@@ -270,6 +274,7 @@ class EpisodeRunner:
         if maker is not self.make_controller:
             self._made = maker, controllers = self.make_controller, {}
         if index in controllers:
+            self._apart.seed_compiled(name)
             controllers[index].begin(self.setup)
             return controllers[index]
         self._apart.begin(name)

@@ -7,8 +7,8 @@ import re
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +56,22 @@ def digest_now(name: str) -> str | None:
     inner = [Path(folder, *packages) for folder in folders]
     files = (file for folder in inner for file in (folder / f"{last}.py", folder / last / "__init__.py"))
     found = next((file for file in files if file.is_file()), None)
-    return None if found is None else _digest(found.read_bytes())
+    return None if found is None else digest_of(found.read_bytes())
+
+
+def loaded() -> dict[str, str]:
+    """Return of each module of the user's that this process has imported the digest of what would be imported now."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if isinstance(file, str) and not name.startswith(("navbench.", "__m")) and _is_loaded(file):
+            found[name] = digest_now(name)
+    return {name: digest for name, digest in found.items() if digest}
+
+
+def changed(code: Mapping[str, str]) -> str:
+    """Return which of some modules lie here with another source than their digests say, as one line; empty for none."""
+    return ", ".join(name for name, digest in code.items() if digest_now(name) not in (None, digest))
 
 
 def commit() -> str | None:
@@ -93,6 +108,11 @@ def _file_of(name: str) -> Path | None:
     return None
 
 
+@cache
+def _is_loaded(file: str) -> bool:
+    return file.endswith(".py") and _is_users(Path(file))
+
+
 def _is_users(file: Path) -> bool:
     return not ({"site-packages", "dist-packages"} & set(file.parts)) and not str(file).startswith(STANDARD)
 
@@ -101,10 +121,11 @@ def _is_users(file: Path) -> bool:
 def _read(file: Path, name: str, *_: int) -> tuple[str, list[str]]:
     """Return the digest of a module's source and the names that it may import, as its file stands now."""
     source = file.read_bytes()
-    return _digest(source), list(_imports(source.decode(errors="replace"), name, file))
+    return digest_of(source), list(_imports(source.decode(errors="replace"), name, file))
 
 
-def _digest(source: bytes) -> str:
+def digest_of(source: bytes) -> str:
+    """Return sixteen digits of the SHA-256 of a source."""
     return hashlib.sha256(source).hexdigest()[:16]
 
 

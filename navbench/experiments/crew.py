@@ -7,7 +7,7 @@ from multiprocessing.util import Finalize
 from threading import Lock
 from typing import Any, NamedTuple
 
-from navbench.experiments.workers import Worker, place
+from navbench.experiments.workers import Worker, begun
 
 
 class Task(NamedTuple):
@@ -36,6 +36,7 @@ class Crew:
         self._busy: set[Worker] = set()
         self._lock = Lock()
         self._stopped = False
+        self._begun = begun()
 
     def do(self, task: Task) -> Any:
         """Return what a task comes to, or the ``Death`` that its process died of it.
@@ -44,7 +45,7 @@ class Crew:
             InterruptedError: the crew was stopped.
             Exception: whatever the task raises.
         """
-        worker = Worker() if task.alone else self._worker()
+        worker = Worker(self._begun) if task.alone else self._worker()
         with self._lock:
             self._busy.add(worker)
         try:
@@ -77,10 +78,10 @@ class Crew:
         with suppress(IndexError):
             while True:
                 worker = self.idle.pop()
-                if worker.alive and worker.place == place():
+                if worker.alive and worker.begun == self._begun:
                     return worker
                 worker.kill()
-        return Worker()
+        return Worker(self._begun)
 
 
 def end_workers() -> None:

@@ -122,7 +122,7 @@ def _seal(name: str, data: bytes, place: int) -> bytes:
 def _held(path: Path) -> Iterator[IO[str]]:
     """Give a locked file; one that its holder removed meanwhile is not the one that the next run finds there."""
     while True:
-        with path.open("a+") as file:
+        with _opened(path) as file:
             try:
                 _lock(file)
             except (BlockingIOError, PermissionError):
@@ -133,6 +133,18 @@ def _held(path: Path) -> Iterator[IO[str]]:
             if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
                 yield file
                 return
+
+
+def _opened(path: Path) -> IO[str]:
+    """Open a file of this directory's own, which is made where it is not there: a link would lead elsewhere."""
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+    try:
+        file = open(os.open(path, flags, 0o666), "r+", encoding="utf-8")
+    except (OSError, ValueError) as error:
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise DescriptionError(f"{path}: must be a file, and no link, directory, pipe or device") from error
+        raise
+    return file
 
 
 def _lock(file: IO[str]) -> None:

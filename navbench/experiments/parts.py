@@ -104,7 +104,7 @@ def fault_of(folder: Path, name: str, seals: bool) -> str:
         if whole is None and not seals:
             _opened(folder, name)
             return UNSEALED
-    except DescriptionError:
+    except (DescriptionError, OSError):  # no file, or one that cannot be read
         whole = False
     return "" if whole else DAMAGED
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.experiments import parts
-from navbench.experiments.files import replacing
-from navbench.experiments.store import ResultsError, write_table
+from navbench.experiments.files import OPEN, is_whole, keep, replacing, sealed
+from navbench.experiments.schema import LONGEST, ResultsError
+from navbench.reading import bounded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,13 +39,14 @@ class Samples:
         """
         file = self.path / PRIOR
         if file.is_file():
-            old = json.loads(file.read_text(encoding="utf-8"))
+            old = self.prior()
             here = "the reconstructions in it are kept; out= names another directory for new ones"
             for key in prior:
                 if old.get(key) != prior[key] and not (key == "code" and other_code):
                     raise ResultsError(f"{self.path}: was begun with other {key}; {here}")
             return
-        write_table(file, json.dumps(prior, indent=1) + "\n")
+        text = json.dumps({**prior, "seal": OPEN.decode()}, indent=1) + "\n"
+        keep(file, sealed(PRIOR, text.encode()))
 
     def has(self, name: str) -> bool:
         """Return whether a block is there."""
@@ -53,11 +55,17 @@ class Samples:
     def faults(self) -> dict[str, str]:
         """Return the blocks that are damaged or bear no checksum, by their files, and which of both."""
         files = sorted(str(file.relative_to(self.path)) for file in self.path.rglob("*.parquet"))
-        return {name: fault for name in files if (fault := parts.fault_of(self.path, name, seals=False))}
+        found = {name: fault for name in files if (fault := parts.fault_of(self.path, name, seals=False))}
+        try:
+            self.prior()
+        except ResultsError:
+            found[PRIOR] = parts.DAMAGED
+        return found
 
     def discard_damaged(self) -> list[Path]:
         """Remove the blocks that are damaged, to be made anew, and return their files."""
-        damaged = [self.path / name for name, fault in self.faults().items() if fault == parts.DAMAGED]
+        faults = self.faults().items()
+        damaged = [self.path / name for name, fault in faults if fault == parts.DAMAGED and name != PRIOR]
         for file in damaged:  # of a block and its seconds the block tells whether both are there
             (self.path / file.name).unlink(missing_ok=True)
         return damaged
@@ -81,8 +89,22 @@ class Samples:
         return frame
 
     def prior(self) -> dict[str, Any]:
-        """Return the prior."""
-        prior: dict[str, Any] = json.loads((self.path / PRIOR).read_text(encoding="utf-8"))
+        """Return the prior.
+
+        Raises:
+            ResultsError: it is damaged, or none.
+        """
+        file = self.path / PRIOR
+        data = bounded(file, LONGEST)
+        try:
+            prior = json.loads(data)
+        except (ValueError, RecursionError):
+            prior = None
+        if not isinstance(prior, dict) or is_whole(PRIOR, data) is False:
+            raise ResultsError(
+                f"{file}: damaged; put back the one that was written, or begin anew with another out=DIR"
+            )
+        prior.pop("seal", None)
         return prior
 
     def even(self, kind: str) -> "pd.DataFrame":

@@ -10,7 +10,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import connection, current_process, get_context, parent_process
 from multiprocessing.connection import Connection
@@ -19,6 +20,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from navbench.episode.timeout import EXPIRED, stop_timers
+from navbench.experiments.code import changed, loaded
 from navbench.raised import one_line
 from navbench.validation import DescriptionError
 
@@ -26,9 +28,12 @@ NAME = "navbench worker"
 FORKS = sys.platform == "linux"
 GROUPS = hasattr(os, "setsid")
 WATCH_S = 0.5  # between two looks at a worker
+LOOKS = 20  # the last ones, which tell a step that waits from one that gets no core
 END_S = 5.0  # that a process may take to end that has been told to
 MEMORY_SHARE = 0.8  # of the machine's memory is what one worker may take
 PRELOADED = ("navbench.experiments.running", "navbench.experiments.warm")
+CLOCK = getattr(signal, "SIGALRM", None)
+STARVED = "a step got too little of a core: this machine does too much else"
 FROM_OUTSIDE = {-getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
 _STARTING = threading.Lock()
@@ -56,14 +61,18 @@ class MachineError(DescriptionError):
 
 
 class Worker:
-    """A worker process, begun where this process is and with what it imports from."""
+    """A worker process, begun where this process is and with what it imports from.
 
-    def __init__(self) -> None:
+    Args:
+        begun: as ``begun`` returned it when the run began; what lies here otherwise now, the process refuses to run.
+    """
+
+    def __init__(self, begun: "Begun") -> None:
         context = _context()
-        self.place = place()
+        self.begun = begun
         self._end, theirs = context.Pipe()
         self._said, says = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(theirs, says), name=NAME)
+        self._process = context.Process(target=_work, args=(theirs, says, begun.code), name=NAME)
         with _STARTING, _without_main():
             start_server()
             self._process.start()
@@ -72,6 +81,7 @@ class Worker:
         self._pid = int(self._process.pid or 0)
         self._watched_s = time.monotonic()
         self._killed: Death | None = None
+        self._runs: deque[bool] = deque(maxlen=LOOKS)  # whether it ran, or would with a core, when it was looked at
 
     def do(self, function: Callable[[Any], Any], argument: Any) -> Any:
         """Return what a function makes of an argument, or the ``Death`` that the process died of it.
@@ -109,14 +119,15 @@ class Worker:
         self._process.join(END_S)
 
     def _watch(self) -> None:
-        """End it where it takes too much memory, or was stopped."""
+        """Look at it, and end it where it takes too much memory, or was stopped."""
         if time.monotonic() - self._watched_s < WATCH_S:
             return
-        from psutil import STATUS_STOPPED, Error, Process, virtual_memory
+        from psutil import STATUS_RUNNING, STATUS_STOPPED, Error, Process, virtual_memory
 
         self._watched_s = time.monotonic()
         with suppress(Error):  # it has ended meanwhile
             seen, most = Process(self._pid), MEMORY_SHARE * virtual_memory().total
+            self._runs.append(seen.status() == STATUS_RUNNING)
             if seen.memory_info().rss > most:
                 self._killed = Death(f"its process took more than {most / 1e9:.3g} GB of memory")
             elif seen.status() == STATUS_STOPPED:
@@ -138,7 +149,8 @@ class Worker:
         if code is None or code >= 0:
             return Death(f"its process ended with exit code {code}", trace)
         if -code in EXPIRED:
-            return Death(EXPIRED[-code], trace)
+            starved = -code == CLOCK and sum(self._runs) > len(self._runs) / 2
+            return Death(STARVED if starved else EXPIRED[-code], trace, starved)
         return Death(f"its process died of {signal.Signals(-code).name}", trace, code in FROM_OUTSIDE)
 
 
@@ -149,6 +161,23 @@ def _context() -> Any:
 def place() -> tuple[str, ...]:
     """Return where workers that are begun now work, and what they import from."""
     return (os.getcwd(), *sys.path)
+
+
+class Begun(NamedTuple):
+    """What a worker was begun with, which it has for good.
+
+    Attributes:
+        place: where it works, and what it imports from.
+        code: the digest of each module of the user's, as of ``loaded``.
+    """
+
+    place: tuple[str, ...]
+    code: Mapping[str, str]
+
+
+def begun() -> Begun:
+    """Return what workers that are begun now are begun with."""
+    return Begun(place(), loaded())
 
 
 def in_worker() -> bool:
@@ -184,7 +213,7 @@ def _without_main() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-def _work(batches: Connection, says: Connection) -> None:
+def _work(batches: Connection, says: Connection, code: Mapping[str, str]) -> None:
     """Do one batch after another, until the driver ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if GROUPS:
@@ -194,11 +223,12 @@ def _work(batches: Connection, says: Connection) -> None:
             faulthandler.register(number, says.fileno(), all_threads=False, chain=True)
     threading.Thread(target=_end_with_driver, daemon=True).start()
     folder, process = os.getcwd(), os.getpid()
+    other = changed(code)
     with suppress(EOFError, OSError):
         while True:
             message = batches.recv_bytes()
             os.chdir(folder)
-            answer = answer_to(message)
+            answer = refused(f"{other}: changed since this run began") if other else answer_to(message)
             stop_timers()
             print(end="", flush=True)
             if os.getpid() != process:  # a fork of the controller's, which is nobody's worker
@@ -219,6 +249,14 @@ def answer_to(message: bytes) -> bytes:
         answer = _raised(error)
     except BaseException as error:  # of a user's code that means to end the process
         answer = cloudpickle.dumps((Death(one_line(error), format_exc()), None))
+    return answer
+
+
+def refused(why: str) -> bytes:
+    """Return what a batch comes to in a process that must not run it, pickled: it may be run by another one."""
+    import cloudpickle
+
+    answer: bytes = cloudpickle.dumps((Death(why, by_machine=True), None))
     return answer
 
 

@@ -131,7 +131,8 @@ WRONG = [
     ((*GO, "seed=-1"), "seed=-1: must be from 0 to 9223372036854775807"),
     ((*GO, "seed=9223372036854775808"), "seed=9223372036854775808: must be from 0 to 9223372036854775807"),
     ((*GO, "workers=-1"), "workers=-1: must be at least 0"),
-    ((*GO, "controller_timeout_s=0"), "controller_timeout_s=0.0: must be a finite number above 0, or null for any"),
+    ((*GO, "controller_timeout_s=0"), "controller_timeout_s=0.0: must be from 0.001 to 1000000.0, or null for any"),
+    ((*GO, "controller_timeout_s=1e10"), "controller_timeout_s=10000000000.0: must be from 0.001 to 1000000.0"),
     ((*GO, "start_jitter_m=nan"), "start_jitter_m=nan: must be finite and at least 0"),
     ((*GO, "start_heading_jitter_rad=-0.1"), "start_heading_jitter_rad=-0.1: must be finite and at least 0"),
     ((*GO, "start_heading_jitter_rad=inf"), "start_heading_jitter_rad=inf: must be finite"),
@@ -265,6 +266,48 @@ def test_a_folder_above_the_one_of_the_configurations_is_told_from_it(command: C
 def test_a_folder_may_be_named_before_the_verb(command: Command, tmp_path: Path) -> None:
     write(tmp_path, {"conf/controller/mine.yaml": MINE_YAML})
     assert "mine" in command("--config-dir", "conf", "list", "controller").out
+
+
+def test_a_long_word_is_cut_and_its_key_is_told(command: Command) -> None:
+    check_refused(command(*GO, f"seed={'9' * 4000}"), "navbench: seed=999", "999...")
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        (f"world.time_limit_s={'9' * 400}", "world.time_limit_s: must be a number, and is too large for one"),
+        (f"world.boxes={'[' * 2000}{']' * 2000}", "nested too deeply"),
+        (f"world={'x' * 5000}", "File name too long"),
+    ],
+)
+def test_what_is_too_large_too_deep_or_too_long_is_refused_in_one_line(command: Command, word: str, said: str) -> None:
+    check_refused(command("controller=go_to_goal", word), said)
+
+
+def test_bytes_in_a_file_are_refused_by_their_key(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"mine.py": MINE, "conf/controller/mine.yaml": MINE_YAML.replace("2.0", "[1, !!binary aGk=]")})
+    check_refused(command("--config-dir", "conf", "controller=mine"), "controller.build.gain[1]=b'hi': must be a word")
+
+
+def test_a_file_that_cannot_be_listed_is_named(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/controller/mine.yaml": MINE_YAML})
+    (tmp_path / "conf/controller/loop.yaml").symlink_to("loop.yaml")
+    check_refused(command("--config-dir", "conf", "list"), "conf/controller/loop.yaml: Too many levels of symbolic")
+
+
+def test_a_working_directory_that_was_removed_is_told(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    os.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    check_refused(command(*GO), "the working directory: it is not there any more")
+
+
+@pytest.mark.parametrize("place", ["import math", "self.gain = gain"])
+def test_a_module_that_ends_the_process_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
+    text = "import os\n" + MINE.replace(place, "os._exit(0)")
+    write(tmp_path, {"mine.py": text, "conf/controller/mine.yaml": MINE_YAML})
+    done = in_a_process(tmp_path, "--config-dir", "conf", "controller=mine", "world=empty")
+    check_refused(done, "SystemExit: os._exit(0) (mine.py, line ")
 
 
 @pytest.mark.parametrize(("name", "text", "said"), [(row[0], row[1], row[2:]) for row in WRONG_FILES])

@@ -284,6 +284,30 @@ def _config(folder: Path) -> tuple[str, ...]:
     return ("--config-dir", "conf")
 
 
+@pytest.mark.parametrize("name", ["\x1b[31m", "\u202ex", "\udcff"])
+def test_a_terminal_obeys_nothing_in_the_name_of_a_directory(command: Command, tmp_path: Path, name: str) -> None:
+    """Nor is a name of bytes that are no text an error, after all has run."""
+    done = command(*RUN, f"hydra.run.dir='{name}'")
+    assert done.code == 0, done.err
+    assert f"results: {name.encode('unicode_escape').decode()}" in done.out
+    done = command("report", name, "out=report")
+    assert done.code == 0, done.err
+    assert name not in command("verify", name).out
+
+
+def test_an_output_without_the_characters_shows_escapes(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [sys.executable, "-m", "navbench", *RUN, "hydra.run.dir='ü'"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert b"results: \\xfc\n" in done.stdout
+
+
 def test_words_are_printed_with_what_a_terminal_would_obey_as_escapes() -> None:
     assert printable("a\x1b[31m\tb\nc\ud800 – ≥ é") == "a\\x1b[31m\tb\nc\\ud800 – ≥ é"
     assert flat("a \r\n b\u2028c") == "a b c"

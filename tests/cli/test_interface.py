@@ -241,7 +241,24 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"workers": -1}, "workers=-1: must be at least 0"),
     ({"seed": -1}, "seed=-1: must be from 0"),
     ({"dir": __file__}, "is a file; results need a directory"),
+    ({"dir": 5}, "dir=5: must be a path"),
+    ({"dir": b"here"}, "dir=b'here': must be a path"),
+    ({"config_dir": 5}, "config_dir=5: must be a path"),
+    ({"controller": lambda: 3}, "build._target_=test_interface.<lambda>: must name a class with reset"),
 ]
+
+
+@pytest.mark.parametrize("verb", [navbench.run, navbench.sweep, partial(navbench.check, "sflc")])
+@pytest.mark.parametrize("word", [5, b"controller=sflc", None])
+def test_a_word_that_is_none_is_refused(verb: Any, word: Any) -> None:
+    with pytest.raises(DescriptionError, match="must be a word, such as 'episodes=10'"):
+        verb(word)
+
+
+@pytest.mark.parametrize("path", [None, 3, b"here"])
+def test_a_path_that_is_none_is_refused(path: Any) -> None:
+    with pytest.raises(DescriptionError, match="path=.*: must be a path"):
+        navbench.load(path)
 
 
 @pytest.mark.parametrize(("given", "says"), WRONG)

@@ -221,11 +221,45 @@ def test_another_prior_is_refused_and_what_is_there_stays(command: Command, fold
     assert sorted((folder / "outputs/multiverse/tiny").glob("*.parquet")) == before
 
 
+@pytest.mark.parametrize("text", ["", "[]", "[" * 100000, None])
+def test_a_damaged_prior_is_found_and_named_and_what_is_there_stays(
+    command: Command, folder: Path, text: str | None
+) -> None:
+    words = ("multiverse", "tiny", "n=128", "decide=0", "search=0", "workers=0", "--config-dir", "conf")
+    assert command(*words).code == 0
+    there = folder / "outputs/multiverse/tiny"
+    assert command("verify", str(there)).code == 0
+    prior, kept = there / "prior.json", sorted(there.glob("*.parquet"))
+    prior.write_text(prior.read_text().replace("0.1", "0.2", 1) if text is None else text)
+    done = command(*words)
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "prior.json: damaged" in done.err
+    assert sorted(there.glob("*.parquet")) == kept
+    done = command("verify", str(there))
+    assert (done.code, done.out) == (3, f"{there}: prior.json: damaged\n")
+
+
+def test_what_the_machine_ends_is_kept_and_told_with_exit_3(
+    command: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: Samples, name: str, columns: Any) -> None:
+        raise OSError(28, "No space left on device", name)
+
+    monkeypatch.setattr(Samples, "write", full)
+    words = ("multiverse", "tiny", "n=128", "decide=0", "search=0", "workers=0", "--config-dir", "conf")
+    done = command(*words)
+    assert done.code == 3
+    assert "No space left on device: after 0 of 128 reconstructions; they are kept in " in done.err
+
+
 WRONG = [
     (("multiverse",), "multiverse: name one study; there are: "),
     (("multiverse", "tiney"), "did you mean tiny?"),
     (("multiverse", "tiny", "n=100"), "n=100: must be a multiple of 128"),
-    (("multiverse", "tiny", "n=-16"), "n=-16: must be a whole number of at least 0"),
+    (("multiverse", "tiny", "n=-16"), "n=-16: must be a whole number from 0 to 1048576"),
+    (("multiverse", "tiny", f"n={2**70}"), "must be a whole number from 0 to 1048576"),
+    (("multiverse", "tiny", "n=١٢٨"), "must be a whole number from 0 to 1048576"),
+    (("multiverse", "tiny", f"seed={2**63}"), "must be a whole number from 0 to 9223372036854775807"),
     (("multiverse", "tiny", "m=16"), "m=16: unknown key; "),
     (("multiverse", "smoke", "n=128"), "study/smoke.multiverse: missing; "),
 ]

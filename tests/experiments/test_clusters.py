@@ -18,7 +18,7 @@ def test_an_engine_that_is_not_installed_is_named_with_its_extra(
     monkeypatch.delitem(sys.modules, f"navbench.experiments.clusters.{engine}", raising=False)
     done = command(*verb, f"engine={engine}")
     assert (done.code, done.out) == (2, "")
-    assert done.err.endswith(f"needs {package}: pip install 'navbench[{engine}]'\n")
+    assert done.err == f"navbench: engine={engine}: needs {package}; pip install 'navbench[{engine}]'\n"
     assert not list(tmp_path.iterdir())
 
 

@@ -99,6 +99,22 @@ def test_a_process_that_is_stopped_is_the_machines_fault() -> None:
     assert _end(_end_by, signal.SIGSTOP) == Death("its process was stopped", by_machine=True)
 
 
+def _expire(computes: bool) -> None:
+    signal.setitimer(signal.ITIMER_REAL, 2.5)
+    while True:
+        if not computes:
+            time.sleep(60.0)
+
+
+@pytest.mark.parametrize("computes", [True, False])
+def test_a_step_that_computes_until_the_clock_ends_it_is_the_machines_fault_and_one_that_waits_is_not(
+    computes: bool,
+) -> None:
+    death = _end(_expire, computes)
+    assert death.by_machine == computes
+    assert ("too little of a core" in death.reason) == computes
+
+
 def _rest(seconds: float) -> float:
     time.sleep(seconds)
     return seconds

@@ -31,3 +31,19 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(command: Command, 
     assert (done.code, done.out) == (2, "")
     assert done.err == "navbench: engine.address=tcp://127.0.0.1:1: no dask scheduler answers there\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_a_cluster_that_cannot_be_started_is_told_in_one_line(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(**_: object) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("navbench.experiments.clusters.dask.LocalCluster", fail)
+    words = ("controller=sflc", "engine=dask", "workers=7", "simulator=planar", "hydra.run.dir=here")
+    done = command(*words)
+    assert (done.code, done.out) == (3, "")
+    said = "dask cannot be started: RuntimeError: Nanny failed to start."
+    assert done.err.startswith(f"navbench: machine_error: {said}")
+    assert done.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())

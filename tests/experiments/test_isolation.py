@@ -14,8 +14,25 @@ from navbench.experiments.running import Ran, run_plan
 
 CODE = """
 import asyncio, math, os, random, signal, subprocess, time
+import numba
 import numpy as np
 from navbench.metrics import metric
+from navbench.policy import CompiledController, Policy, compiled
+
+
+@numba.njit
+def drawn(): return random.random() + np.random.random()
+
+
+@compiled
+def draw(state, parameters, ranges_m, discs, pose, goal, speed, trace):
+    trace[0] = drawn()
+    return 0.1, 0.0
+
+
+class Drawing(CompiledController):
+    def __init__(self, **_): pass
+    def make_policy(self, setup): return Policy(step=draw, trace_names=("drawn",))
 
 
 class Mute(Exception):
@@ -35,6 +52,10 @@ def fail(how):
     if how == "killed": os.kill(os.getpid(), signal.SIGKILL)
     if how == "spins in C": math.factorial(10**8)
     if how == "forks": os.fork()
+
+
+@metric("chance", "", "", "what a metric draws itself")
+def chance(run): return random.random() + np.random.random() + drawn()
 
 
 @metric("noted", "", "", "how often it was looked at")
@@ -61,7 +82,8 @@ class Mine:
 
     @property
     def trace(self):
-        return {"drawn": random.random() + np.random.random()} if self.how == "draws" else {}
+        if self.how == "draws": return {"drawn": random.random() + np.random.random()}
+        return {"drawn": drawn()} if self.how == "draws in compiled code" else {}
 """
 WORDS = ("controller=mine", "world=empty", "world.time_limit_s=0.1", "episodes=4", "simulator=planar")
 DOOMED = {2}  # what the stream of seed 0 says
@@ -154,15 +176,38 @@ def test_every_episode_begins_in_the_users_folder(own: Path) -> None:
     assert set(rows["outcome"]) == {"timed_out"}
 
 
-def test_the_global_generators_are_seeded_for_each_episode_apart_from_the_controllers_stream(own: Path) -> None:
+def draws_of(own: Path, folder: str, how: str, *words: str, workers: int | None = 1) -> dict[int, list[float]]:
+    """Return what each episode's controller drew, of a run that is then moved away, so that none is resumed."""
+    rows = run_it(own, how, "episodes=6", *words, workers=workers).results.trajectories()
+    (own / "results").rename(own / folder)
+    return {int(str(episode)): ones["drawn"].dropna().tolist() for episode, ones in rows.groupby("episode")}
+
+
+@pytest.mark.parametrize(
+    ("how", "target"), [("draws", "Mine"), ("draws in compiled code", "Mine"), ("as a policy", "Drawing")]
+)
+def test_the_global_generators_are_seeded_for_each_episode_apart_from_the_controllers_stream(
+    own: Path, how: str, target: str
+) -> None:
+    target = f"controller.build._target_=misbehaving.{target}"
+    first = draws_of(own, "first", how, target)
+    random.random()  # in this process they have been used before
+    assert draws_of(own, "second", how, target, workers=0) == first
+    assert draws_of(own, "alone", how, target, "episode=4") == {4: first[4]}
+    every = [value for values in first.values() for value in values]
+    assert len(set(every)) == len(every) > 6
+
+
+def test_what_a_metric_draws_is_of_its_episode(own: Path) -> None:
+    words = ("controller=go_to_goal", "episodes=6", "metrics=[misbehaving.chance]")
     drawn = []
-    for workers in (1, 0):  # here they have been used before
-        random.random()
-        ran = run_it(own, "draws", "episodes=6", workers=workers)
-        drawn.append(ran.results.trajectories()["drawn"].dropna().tolist())
-        (own / "results").rename(own / f"drawn in {workers}")  # to be run again, and not resumed
+    for folder, more, workers in (("first", (), 1), ("second", (), 0), ("alone", ("episode=4",), 0)):
+        cell = compose_cell(*WORDS[1:], *words, *more, config_dir=own / "conf")
+        rows = run_plan(Plan(cells=(cell,)), own / folder, workers).results.episodes()
+        drawn.append(dict(zip(rows["episode"], rows["chance"], strict=True)))
     assert drawn[0] == drawn[1]
-    assert len(set(drawn[0])) == len(drawn[0])
+    assert drawn[2] == {4: drawn[0][4]}
+    assert len(set(drawn[0].values())) == 6
 
 
 def test_an_observation_cannot_be_written_to_and_leads_to_no_other(own: Path) -> None:

@@ -117,6 +117,21 @@ def test_a_damaged_part_is_named_and_made_anew(
         assert {one: one.stat().st_ino for one in others} == others
 
 
+@pytest.mark.parametrize("target", ["nowhere", "itself"])
+def test_a_part_that_is_a_link_to_nothing_is_named_and_made_anew(
+    tmp_path: Path, target: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    run_plan(plan_of(12), tmp_path, 0)
+    before = parts_of(tmp_path)
+    file = sorted((tmp_path / "episodes").iterdir())[0]
+    file.unlink()
+    file.symlink_to(file if target == "itself" else target)
+    assert Results(tmp_path).faults() == {f"episodes/{file.name}": "damaged"}
+    run_plan(plan_of(12), tmp_path, 0)
+    assert f"episodes/{file.name}: damaged" in caplog.text
+    assert parts_of(tmp_path) == before
+
+
 @pytest.mark.parametrize("kind", ["trajectories", "latency", "layouts"])
 def test_a_part_that_is_missing_beside_its_episodes_is_made_anew(tmp_path: Path, kind: str) -> None:
     run_plan(plan_of(12), tmp_path, 1)
@@ -196,6 +211,24 @@ def test_a_second_run_says_who_holds_the_directory(tmp_path: Path) -> None:
     ):
         run_plan(plan_of(1), tmp_path / "here", 1)
     assert not list(tmp_path.rglob("manifest.json"))
+
+
+@pytest.mark.parametrize("kind", ["link", "link to nothing", "pipe", "directory"])
+def test_a_lock_that_is_no_file_is_refused_and_nothing_is_written_through_it(tmp_path: Path, kind: str) -> None:
+    victim, lock = tmp_path / "victim", tmp_path / "there" / "lock"
+    lock.parent.mkdir()
+    if kind == "link":
+        victim.write_text("precious")
+    if kind.startswith("link"):
+        lock.symlink_to(victim)
+    elif kind == "pipe":
+        os.mkfifo(lock)
+    else:
+        lock.mkdir()
+    with pytest.raises(DescriptionError, match="lock: must be a file, and no link, directory, pipe or device"):
+        run_plan(plan_of(12), lock.parent, 0)
+    assert victim.exists() == (kind == "link")
+    assert kind != "link" or victim.read_text() == "precious"
 
 
 def test_two_runs_at_once_do_not_mix(tmp_path: Path) -> None:

@@ -12,15 +12,15 @@ from pydantic.dataclasses import dataclass
 
 from navbench.experiments import remote
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, MachineError, begun
 from navbench.raised import one_line
-from navbench.validation import STRICT, DescriptionError
+from navbench.validation import STRICT, DescriptionError, NotInstalledError
 
 try:
     from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
     from distributed.client import FutureCancelledError
 except ModuleNotFoundError as error:
-    raise DescriptionError(f"needs {error.name}: pip install 'navbench[dask]'") from None
+    raise NotInstalledError("engine=dask", error, "dask") from None
 
 REACHED_S = 10.0  # within which a scheduler answers, and a worker is there
 
@@ -52,14 +52,14 @@ class _Dask:
 
     def __init__(self, client: Client) -> None:
         self._client = client
-        self._run = uuid4().hex
+        self._run, self._begun = uuid4().hex, begun()
         self._numbers: dict[Future[Any], int] = {}
         self._done = as_completed()
 
     def send(self, tasks: Mapping[int, Task]) -> None:
         """Begin with some tasks."""
         for number, task in tasks.items():
-            future = self._client.submit(remote.do, remote.packed(task, self._run), pure=False)
+            future = self._client.submit(remote.do, remote.packed(task, self._run, self._begun), pure=False)
             self._numbers[future] = number
             self._done.add(future)
 
@@ -101,8 +101,11 @@ def _client(address: str | None, workers: int | None) -> Client:
     if address is None:
         workers = workers or os.cpu_count() or 1
         options = {"threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0, "silence_logs": "CRITICAL"}
-        with _uninterrupted():
-            return Client(LocalCluster(n_workers=workers, **options))
+        try:
+            with _uninterrupted():
+                return Client(LocalCluster(n_workers=workers, **options))
+        except (OSError, RuntimeError) as error:  # one of its processes was killed meanwhile
+            raise MachineError(Death(f"dask cannot be started: {one_line(error)}", by_machine=True)) from None
     said = "no dask scheduler answers there"
     try:
         client = Client(address, timeout=REACHED_S)

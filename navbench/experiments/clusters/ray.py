@@ -8,16 +8,17 @@ from typing import Any, ClassVar
 from pydantic.dataclasses import dataclass
 
 from navbench.experiments import remote
+from navbench.experiments.cells import digest
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, begun
 from navbench.raised import one_line
-from navbench.validation import STRICT, DescriptionError
+from navbench.validation import STRICT, DescriptionError, NotInstalledError
 
 try:
     import ray
     from ray.exceptions import RayError, RayTaskError
 except ModuleNotFoundError as error:
-    raise DescriptionError(f"needs {error.name}: pip install 'navbench[ray]'") from None
+    raise NotInstalledError("engine=ray", error, "ray") from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -50,11 +51,13 @@ class _Ray:
     def __init__(self) -> None:
         self._do = ray.remote(num_cpus=1, max_retries=0)(remote.do)
         self._numbers: dict[Any, int] = {}
+        self._begun = begun()
+        self._run = digest(self._begun)  # whose worker processes the next one may have
 
     def send(self, tasks: Mapping[int, Task]) -> None:
         """Begin with some tasks."""
         for number, task in tasks.items():
-            self._numbers[self._do.remote(remote.packed(task, ""))] = number
+            self._numbers[self._do.remote(remote.packed(task, self._run, self._begun))] = number
 
     def next(self) -> tuple[int, Any]:
         """Wait for any task to end."""

@@ -15,15 +15,15 @@ from pydantic.dataclasses import dataclass
 
 from navbench.experiments import remote
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, begun
 from navbench.raised import one_line
-from navbench.validation import STRICT, Count, DescriptionError, Positive
+from navbench.validation import STRICT, Count, DescriptionError, NotInstalledError, Positive
 
 try:
     from submitit import AutoExecutor, Job
     from submitit.core.utils import FailedJobError, FailedSubmissionError, UncompletedJobError
 except ModuleNotFoundError as error:
-    raise DescriptionError(f"needs {error.name}: pip install 'navbench[slurm]'") from None
+    raise NotInstalledError("engine=slurm", error, "slurm") from None
 
 LOG = logging.getLogger("navbench")
 WAIT_S = 0.1  # between two looks for results
@@ -73,6 +73,7 @@ class _Jobs:
             slurm_array_parallelism=min(workers or JOBS, JOBS),
         )
         self._jobs: dict[int, Job[bytes | Death]] = {}
+        self._begun = begun()
         self._looked_s = time.monotonic()
         self._gone: set[int] = set()  # those that the queue did not hold when it was looked at last
 
@@ -80,7 +81,9 @@ class _Jobs:
         """Submit some tasks, as one array."""
         try:
             with self._executor.batch():
-                jobs = [self._executor.submit(remote.do, remote.packed(task, "")) for task in tasks.values()]
+                jobs = [
+                    self._executor.submit(remote.do, remote.packed(task, "", self._begun)) for task in tasks.values()
+                ]
         except (FailedJobError, FailedSubmissionError, subprocess.CalledProcessError) as error:
             raise DescriptionError(f"engine=slurm: {one_line(error)}") from None
         self._jobs |= dict(zip(tasks, jobs, strict=True))

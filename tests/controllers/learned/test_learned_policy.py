@@ -144,4 +144,4 @@ def test_without_onnxruntime_it_says_what_to_install(
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     done = command("controller=policy", "controller.build.path=mine.onnx", "world=empty")
     assert done.code == 2
-    assert "needs onnxruntime: pip install 'navbench[onnx]'" in done.err
+    assert "needs onnxruntime; pip install 'navbench[onnx]'" in done.err
