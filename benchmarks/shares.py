@@ -39,7 +39,7 @@ def shares(effort: Effort) -> Table:
                 found = [parts(runner) for _ in range(effort.rounds + 1)][1:]  # the first one compiles
             percent = [{kind: 100.0 * one[kind] / sum(one.values()) for kind in KINDS} for one in found]
             rows.append((name, simulator, *(median([one[kind] for one in percent]) for kind in KINDS)))
-    text = "In percent, of whole episodes; the rest is drawing and placing them, sensing beyond the rays, and the loop."
+    text = "In percent of CPU time. The rest is drawing and placing episodes, sensing beyond the rays, and the loop."
     return Table("Where the time goes", text, ("", "simulator", *KINDS), rows)
 
 
@@ -56,10 +56,10 @@ def of_cell(cell: tuple[str, ...], simulator: str, on: ExitStack) -> EpisodeRunn
 
 
 def seconds(do: Callable[..., Any], *arguments: Any) -> float:
-    """Return how long something takes [s]."""
-    begin = time.perf_counter()
+    """Return the CPU time that something takes [s]."""
+    begin = time.process_time()
     do(*arguments)
-    return time.perf_counter() - begin
+    return time.process_time() - begin
 
 
 def timed(owner: Any, name: str, spent: dict[str, float], part: str) -> None:
@@ -67,9 +67,9 @@ def timed(owner: Any, name: str, spent: dict[str, float], part: str) -> None:
     function: Callable[..., Any] = getattr(owner, name)
 
     def call(*arguments: Any) -> Any:
-        begin = time.perf_counter()
+        begin = time.process_time()
         done = function(*arguments)
-        spent[part] += time.perf_counter() - begin
+        spent[part] += time.process_time() - begin
         return done
 
     setattr(owner, name, call)
