@@ -16,6 +16,7 @@ from navbench.controllers.aouf2019.equations import (
     blend,
     distance_error,
     following_vector,
+    frame,
     goal_vector,
     heading_error,
     heading_of,
@@ -119,7 +120,7 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
     told, path = entry["controller"]["build"]["behaviors"], page.stored.trajectory(row)
     world, robot = page.stored.world(row["run_id"], row["episode"]), page.robot(row["run_id"])
     sensors = describe(Sensors, entry["sensors"], "sensors").scaled_to(robot.radius_m)
-    mounts = np.array([(mount.x_m, mount.y_m, mount.heading_rad) for mount in sensors.mounts])
+    mounts = np.array([frame(mount.x_m, mount.y_m, mount.heading_rad) for mount in sensors.mounts])
     weights = np.array([told["sensor_weights"][mount.role] for mount in sensors.mounts])
     figure, axes = new_figure(3, 3, 3.3, 3.2)
     first, *rest = axes.ravel()
@@ -138,7 +139,7 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
         with PlanarSimulator(SimulatorOptions(), robot, sensors, None) as simulator:
             simulator.reset(world, [pose], world.goal_tolerance_m)
             ranges_m = simulator.ranges()[0]
-        points = points_seen(mounts, ranges_m, (*u_p, pose.heading_rad))
+        points = _points(mounts, ranges_m, (*u_p, pose.heading_rad))
         for ax in panels:
             draw_world(ax, world)
             draw_robot(ax, (*u_p, pose.heading_rad), robot.radius_m, "black")
@@ -158,6 +159,12 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
     return [page.plot(figure), page.table(INSTANTS, rows)]
 
 
+def _points(mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float]) -> FloatArray:
+    points = np.empty((len(mounts), 2))
+    points_seen(mounts.ravel(), ranges_m, pose, points)
+    return points
+
+
 def _draw_approach(
     panels: "Sequence[Axes]",
     u_p: Vector,
@@ -172,7 +179,7 @@ def _draw_approach(
     (u_ao, u_gtg), (rays, to_points, avoid, to_goal, blended) = made, panels
     for i, (point, mount) in enumerate(zip(points, mounts, strict=True), 1):
         color = PALETTE[0] if seen[i - 1] else "0.6"
-        begin = points_seen(mount[None], np.zeros(1), (*u_p, heading_rad))[0]
+        begin = _points(mount[None], np.zeros(1), (*u_p, heading_rad))[0]
         rays.plot([begin[0], point[0]], [begin[1], point[1]], color=color, linewidth=1.2, zorder=6)
         rays.plot(*point, "o", color=color, markersize=3.5, zorder=7)
         rays.annotate(f"P{i}", point, (4.0, 4.0), textcoords="offset points", fontsize=7, color=color)
