@@ -324,7 +324,7 @@ def test_a_wrong_controller_of_a_user_is_refused_in_one_line(
 @pytest.mark.parametrize(
     ("line", "instead", "said"),
     [
-        ("time_limit_s: 30", "time_limit_s: abc", "world/mine.yaml: world.time_limit_s: must be a number"),
+        ("time_limit_s: 30", "time_limit_s: abc", "world/mine.yaml: world.time_limit_s=abc: must be a number"),
         ("time_limit_s: 30", "time_limit_s:", "world/mine.yaml: world.time_limit_s: must not be null"),
         ("time_limit_s: 30", "time_limt_s: 30", "world/mine.yaml: world.time_limt_s: unknown key; did you mean time"),
         ("time_limit_s: 30", "time_limit_s: .nan", "world.time_limit_s=nan: must be a finite number"),

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, PathPatch
-from stored import CROSSING, WORLD, a_cell, a_drive, store
+from stored import CROSSING, WORLD, a_cell, a_drive, a_record, store
 
 from navbench.analysis.stored import StoredResults
 from navbench.records import Thing
@@ -186,3 +186,14 @@ def test_what_ended_before_its_first_period_is_drawn_without_a_path(tmp_path: Pa
     figure.draw_without_rendering()  # a dollar is no formula
     assert "controller error" in text_of(figure)
     assert len(figure.axes) == 3
+
+
+def test_recorded_ranges_have_a_strip_with_a_row_for_each_sensor(tmp_path: Path) -> None:
+    readings = np.arange(8.0).reshape(4, 2)
+    stored = store(tmp_path / "in", [(a_cell("A"), [a_record(ranges_m=readings)])])
+    figure = draw_episode(stored, stored.manifest["cells"][0]["run_id"], 0)
+    strip = figure.axes[-1]
+    assert strip.get_ylabel() == "sensor"
+    (mesh,) = strip.collections
+    np.testing.assert_array_equal(mesh.get_array(), readings.T)
+    assert strip.get_xlim()[1] >= stored.results.trajectories()["t_s"].max()
