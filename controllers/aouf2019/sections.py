@@ -225,7 +225,8 @@ def _arrow(ax: "Axes", begin: Vector, vector: Vector, color: str, called: str) -
     tip = begin[0] + vector[0], begin[1] + vector[1]
     look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.6, "shrinkA": 0.0, "shrinkB": 0.0}
     ax.annotate("", tip, begin, arrowprops=look, zorder=8)
-    away = tuple(10.0 * x for x in unit(vector))
+    along = unit(vector)
+    away = 10.0 * along[0], 10.0 * along[1]
     ax.annotate(called, tip, away, textcoords="offset points", ha="center", va="center", fontsize=8, color=color)
 
 
@@ -237,7 +238,7 @@ def abbreviations(page: Page, *, table: str, printed: Mapping[str, str]) -> Bloc
         printed: what the paper prints of each abbreviation.
     """
     sets = page.stored.described(table)
-    having = {term: ", ".join(dict.fromkeys(of["variable"])) for term, of in sets.groupby("term", sort=False)}
+    having = {str(term): ", ".join(dict.fromkeys(of["variable"])) for term, of in sets.groupby("term", sort=False)}
     terms = dict.fromkeys([*printed, *having])
     rows = [[term, printed.get(term, "–"), having.get(term, "–").replace("_", " ")] for term in terms]
     return [page.table([Column("abbreviation"), Column("printed"), Column("variables here")], rows)]

@@ -92,7 +92,7 @@ def draw_marks(ax: "Axes", path: "pd.DataFrame", every_s: float, radius_m: float
     heading = np.interp(times, t_s, np.unwrap(path["heading_rad"]))
     forward, aside = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
     corners = [np.array([x, y]) + radius_m * (a * forward + b * aside) for a, b in TRIANGLE]
-    triangles = np.stack(corners).transpose(2, 0, 1)
+    triangles = list(np.stack(corners).transpose(2, 0, 1))
     ax.add_collection(PolyCollection(triangles, facecolor="white", edgecolor=color, linewidth=0.7, zorder=20))
 
 

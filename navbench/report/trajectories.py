@@ -173,11 +173,12 @@ def name_frame(ax: "Axes", world: DrawnWorld, t_s: float, robots: Sequence[Mappi
         places = {"M": mover and mover.place(t_s), "O": disc and (disc.x_m, disc.y_m)}
         for letter, place in places.items():
             if place:
-                ax.text(*place, f"{letter}{i}", fontsize=6, ha="center", va="center", color="white", zorder=9)
+                x_m, y_m = place
+                ax.text(x_m, y_m, f"{letter}{i}", fontsize=6, ha="center", va="center", color="white", zorder=9)
     for i, robot in enumerate(robots, 1):
         behind = -BEHIND_POINTS * np.cos(robot["heading_rad"]), -BEHIND_POINTS * np.sin(robot["heading_rad"])
-        place, look = (robot["x_m"], robot["y_m"]), {"fontsize": 7, "ha": "center", "va": "center", "zorder": 30}
-        ax.annotate(f"R{i}", place, behind, textcoords="offset points", **look)
+        look: dict[str, Any] = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 30}
+        ax.annotate(f"R{i}", (robot["x_m"], robot["y_m"]), behind, textcoords="offset points", **look)
 
 
 def time_series(

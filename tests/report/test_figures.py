@@ -188,7 +188,7 @@ def test_marks_stand_where_the_robot_is_at_each_interval_and_point_where_it_head
     ax = Figure().subplots()
     draw_marks(ax, path.assign(heading_rad=[0.0, 0.0, 0.5 * math.pi]), 2.0, 0.4, "black")
     (marks,) = ax.collections
-    corners = np.array([triangle.vertices[:3] for triangle in marks.get_paths()])
+    corners = np.array([np.asarray(triangle.vertices)[:3] for triangle in marks.get_paths()])
     assert corners.mean(axis=1) == pytest.approx(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
     tips = corners[:, 0] - corners.mean(axis=1)
     assert np.arctan2(tips[:, 1], tips[:, 0]) == pytest.approx([0.0, 0.0, math.pi / 3.0])
