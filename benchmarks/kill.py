@@ -7,18 +7,22 @@ controllers took. Then bits are flipped at random places of every part, of which
 """
 
 import argparse
+import io
 import json
 import random
+import re
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 import psutil
+
+from navbench.cli.verify import verify
 
 WORLD = """
 defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
@@ -49,7 +53,8 @@ COMMANDS: Mapping[str, Sequence[str]] = {
     "tune": ("tune", "tuner=pso", "world=deadlock", "budget=30", "workers=2", "hydra.run.dir=out"),
     "multiverse": (*("multiverse", "tiny", "n=256", "decide=64", "search=32"), *("workers=2", "--config-dir", "conf")),
 }
-WHEN = ("began", "ended", "resumed")  # in a manifest
+WHEN = ("began", "ended", "resumed", "seal")  # in a manifest: what follows from the time
+TIMES = re.compile("/latency/|/seconds/")  # folders of what was measured with a clock
 TRIES = 5  # of the same command until it ends with 0
 FLIPS = 10  # of bits, a part
 
@@ -71,20 +76,16 @@ def begun(folder: Path, words: Sequence[str]) -> subprocess.Popen[str]:
 
 def left(folder: Path) -> dict[str, bytes]:
     """Return what commands left that is the same each time, by its name."""
-    found: dict[str, bytes] = {}
-    for file in sorted(folder.rglob("*")):
-        name = file.relative_to(folder).as_posix()
-        if file.is_file() and "/latency/" not in name:
-            found[name] = (
-                _timeless(file.read_bytes()) if file.name in ("manifest.json", "prior.json") else file.read_bytes()
-            )
-    return found
+    files = {file.relative_to(folder).as_posix(): file for file in sorted(folder.rglob("*")) if file.is_file()}
+    return {name: _timeless(file) for name, file in files.items() if not TIMES.search(name)}
 
 
-def _timeless(manifest: bytes) -> bytes:
-    values: dict[str, Any] = json.loads(manifest)
-    kept = {name: value for name, value in values.items() if name not in (*WHEN, "seal")}
-    return json.dumps(kept, sort_keys=True).encode()
+def _timeless(file: Path) -> bytes:
+    if file.name in ("manifest.json", "prior.json"):
+        values: dict[str, Any] = json.loads(file.read_bytes())
+        return json.dumps({key: value for key, value in values.items() if key not in WHEN}, sort_keys=True).encode()
+    lines = file.read_bytes().splitlines(keepends=True)
+    return b"".join(line for line in lines if file.name != "report.md" or b"robot-steps in" not in line)
 
 
 def kill_one(driver: psutil.Process, rng: random.Random) -> str:
@@ -118,17 +119,17 @@ def killed(kind: str, whole: Mapping[str, bytes], seconds: float, rng: random.Ra
 
 def flipped(folder: Path, rng: random.Random, parts: int) -> tuple[int, int]:
     """Flip bits of some parts below a folder, one at a time; return how many verify found, and of how many."""
-    files = sorted(folder.rglob("*.parquet"))
+    marks = [*folder.rglob("manifest.json"), *folder.rglob("outputs/multiverse/*/prior.json")]
+    files = sorted((file, mark.parent) for mark in marks for file in mark.parent.rglob("*.parquet"))
     count = found = 0
-    for file in rng.sample(files, min(parts, len(files))):
-        results, data = file.parents[1], file.read_bytes()
+    for file, results in rng.sample(files, min(parts, len(files))):
+        data = file.read_bytes()
         for _ in range(FLIPS):
             place, bit = rng.randrange(len(data)), rng.randrange(8)
             file.write_bytes(data[:place] + bytes([data[place] ^ 1 << bit]) + data[place + 1 :])
-            done = subprocess.run(
-                [sys.executable, "-m", "navbench", "verify", str(results)], capture_output=True, text=True, check=False
-            )
-            count, found = count + 1, found + (done.returncode == 3 and file.name in done.stdout)
+            with redirect_stdout(io.StringIO()) as told:
+                code = verify([str(results)])
+            count, found = count + 1, found + (code == 3 and file.name in told.getvalue())
         file.write_bytes(data)
     return found, count
 

@@ -23,3 +23,19 @@ def test_a_worker_of_ray_that_is_killed_costs_nothing(tmp_path: Path) -> None:
 
 def test_deaths_and_errors_are_those_of_the_task_on_ray() -> None:
     check_deaths_and_errors(HERE)
+
+
+def test_a_cluster_that_cannot_be_started_is_told_in_one_line(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(**_: object) -> None:
+        raise Exception("The current node timed out during startup.")
+
+    monkeypatch.setattr("ray.init", fail)
+    words = ("controller=sflc", "engine=ray", "workers=7", "simulator=planar", "hydra.run.dir=here")
+    done = command(*words)
+    assert (done.code, done.out) == (3, "")
+    said = "ray cannot be started: Exception: The current node timed out during startup."
+    assert done.err.startswith(f"navbench: machine_error: {said}")
+    assert done.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())

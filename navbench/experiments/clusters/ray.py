@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 from navbench.experiments import remote
 from navbench.experiments.cells import digest
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death, begun
+from navbench.experiments.workers import Death, MachineError, begun
 from navbench.raised import one_line
 from navbench.validation import STRICT, DescriptionError, NotInstalledError
 
@@ -85,5 +85,7 @@ def _connect(address: str | None, workers: int | None) -> None:
         options |= {"num_cpus": workers or os.cpu_count() or 1, "include_dashboard": False}
     try:
         ray.init(address=address or "local", **options)
-    except (OSError, RuntimeError, ValueError) as error:
+    except Exception as error:  # of ray's many kinds, such as a bare one where a process has no core in time
+        if address is None:
+            raise MachineError(Death(f"ray cannot be started: {one_line(error)}", by_machine=True)) from None
         raise DescriptionError(f"engine.address={address}: {one_line(error)}") from None
