@@ -16,7 +16,7 @@ def test_the_drawn_vectors_are_those_that_the_run_steered_by(tmp_path: Path) -> 
     words = ("controller=sflc", "world=deadlock_long", "simulator=planar", "workers=1")
     navbench.run(*words, dir=tmp_path / "in")
     stored = StoredResults(Results(tmp_path / "in"))
-    text = told(vectors, stored, tmp_path, select={}, approach_s=8.4, follow_s=11.2)
+    text = told(vectors, stored, tmp_path, select={}, approach_s=8.4, follow_s=10.6)
     table = pd.read_csv(tmp_path / "tables/t.csv")
     assert table["behavior"].tolist() == ["go to goal", "follow wall"]
     assert table["heading_error_deg"].tolist() == pytest.approx(table["traced_deg"].tolist(), abs=1e-9)
