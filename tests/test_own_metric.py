@@ -1,6 +1,8 @@
 """A metric of a user's own: one Python file in a folder outside, and a word of the command line."""
 
 import json
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -47,10 +49,11 @@ WORDS = ("controller=go_to_goal", "world=empty")
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (tmp_path / "own_metrics.py").write_text(OWN)
     monkeypatch.syspath_prepend(tmp_path)
-    return tmp_path
+    yield tmp_path
+    sys.modules.pop("own_metrics", None)  # the next test has a file of its own
 
 
 def test_a_metric_in_one_file_is_in_the_table_the_csv_file_and_the_report(folder: Path, command: Command) -> None:

@@ -47,7 +47,7 @@ FloatArray = NDArray[np.float64]
 MARKERS = ("o", "s", "^", "D")
 NEAR_M = 0.12  # phases that came about nearer to each other than this share their number's place
 SWEPT = "#444444"
-AROUND_M, UNIT_M = 0.27, 0.15  # what a picture of vectors shows to each side, and how long it draws a direction
+AROUND_M, UNIT_M = 0.34, 0.15  # what a picture of vectors shows to each side, and how long it draws a direction
 INSTANTS = (
     Column("t", "t_s", "s", 2),
     Column("behaviour", "behavior"),
@@ -205,7 +205,7 @@ def _draw_following(panels: "Sequence[Axes]", u_p: Vector, ends: tuple[Vector, V
     u = following_vector(t, error, d_fw)
     for called, place in (("P1", p_1), ("P2", p_2)):
         along.plot(*place, "o", color="black", markersize=3.5, zorder=7)
-        along.annotate(called, place, (-12.0, 4.0), textcoords="offset points", fontsize=7)
+        along.annotate(called, place, (-16.0, 6.0), textcoords="offset points", fontsize=7)
     _arrow(along, p_1, along_wall, PALETTE[0], "u_fw,t")
     _arrow(across, u_p, u_fw_p, PALETTE[1], "u_fw,p")
     _arrow(both, u_p, error, PALETTE[2], "u'_fw,p")

@@ -176,9 +176,7 @@ class _Part(NamedTuple):
     def keep(self, records: Records) -> None:
         """Write what the batch did."""
         cell, episodes = self.batch
-        self.results.write_batch(
-            self.key, episodes, records, cell.keep_trajectories, self.code, ranges=cell.keep_ranges
-        )
+        self.results.write_batch(self.key, episodes, records, self.code, cell.keep_trajectories, cell.keep_ranges)
 
 
 def _run_part(part: _Part) -> Records | DescriptionError | None:
@@ -349,10 +347,8 @@ class _Running:
         return around(planned, {name: episodes_of(name) for name in others}) if others else planned
 
     def _is_finished(self, name: str, cell: Cell) -> bool:
-        results = self.results
-        if not results.has("episodes", name) or results.lacking(name):
-            return False
-        return not cell.keep_ranges or results.holds_ranges(name)
+        is_there = self.results.has("episodes", name) and not self.results.lacking(name)
+        return is_there and (self.results.holds_ranges(name) or not cell.keep_ranges)
 
     def _tuned(self, cell: Cell) -> Cell:
         """Return a cell with the parameters of its tuning."""

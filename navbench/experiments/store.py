@@ -187,9 +187,8 @@ class Results:
         cell: CellKey,
         episodes: range,
         records: Iterable[tuple[int, RobotRecord]],
-        trajectories: bool = True,
         code: str = "",
-        *,
+        trajectories: bool = True,
         ranges: bool = False,
     ) -> None:
         """Write a batch's layouts, episodes, trajectories and latencies, each as one part, the episodes last.
@@ -198,8 +197,8 @@ class Results:
             cell: the cell that they belong to.
             episodes: the batch's episodes.
             records: (episode, record) pairs, in any order.
-            trajectories: whether to keep the trajectories.
             code: a digest of the code that made them.
+            trajectories: whether to keep the trajectories.
             ranges: whether the trajectories hold what the range sensors read, where anything was driven.
         """
         ordered = sorted(records, key=lambda pair: (pair[0], pair[1].robot_index))
@@ -212,9 +211,8 @@ class Results:
             self._write_table(f"{kind}/{name}", table, code)
         beside += [f"{kind}/{name}" for kind in tables]
         tuning = f"{cell.tuning} {cell.tuning_seed}" if cell.tuning else ""
-        episodes_table = episode_table(cell, ordered, ids)
         notes = {BESIDE: " ".join(beside), TUNING: tuning, RECORD: "ranges" if ranges else ""}
-        self._write_table(f"episodes/{name}", episodes_table, code, **notes)
+        self._write_table(f"episodes/{name}", episode_table(cell, ordered, ids), code, **notes)
 
     def _write_layouts(self, records: Sequence[tuple[int, RobotRecord]]) -> tuple[dict[int, str], list[str]]:
         """Write the geometry of the layouts that were driven; return each episode's layout by its id, and the part.

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":
     return figure
 
 
-def curves(drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequence[object]]) -> "Figure":
+def curves(drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequence[Any]]) -> "Figure":
     """Return for each claim the share in which it holds over the range, or the choices, of the value that tells most.
 
     Args:
@@ -85,11 +85,13 @@ def curves(drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequenc
     return figure
 
 
-def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence[object]) -> None:
+def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence[Any]) -> None:
     count = len(choices) or SLICES
     places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
     holds = drawn.codes(one.claim.name).ravel() == HOLDS
-    slices = [holds[places == k] for k in range(count)]
+    numbered = bool(choices) and all(isinstance(choice, int | float) for choice in choices)
+    order = sorted(range(count), key=lambda k: choices[k]) if numbered else range(count)
+    slices = [holds[places == k] for k in order]
     found = [clopper_pearson(int(held.sum()), held.size) for held in slices]
     x = (np.arange(count) + 0.5) / count
     values = np.array([estimate.value for estimate in found])
@@ -101,7 +103,7 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
     axes.title.set_fontsize(8)
     axes.tick_params(labelsize=7)
     if choices:
-        words = [str(choice) for choice in choices]
+        words = [str(choices[k]) for k in order]
         is_short = max(map(len, words)) <= NAMED_MAX
         axes.set_xticks(x, words if is_short else [str(k + 1) for k in range(count)])
     axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'from least to most'}", fontsize=7)

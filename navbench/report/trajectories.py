@@ -34,7 +34,7 @@ THINNED_RADII = 0.015  # what a drawn path may stray from the driven one
 WIDTH_INCHES, TITLE_INCHES = 2.5, 0.35  # of a frame
 PANELS, FIGURES = 12, 5  # a figure of more cells cannot be read, and nobody reads more figures
 FRAMES = 10  # where no times are given, so many, evenly from the beginning to the end
-BEHIND_POINTS = 10.0  # from a robot's centre to its name in a frame
+ASIDE_POINTS = 12.0  # from a robot's centre to its name in a frame
 FLAT = 1e-6  # values that differ by less are drawn as one, not as their rounding errors
 PLACE = ("x_m", "y_m", "heading_rad")  # columns that change between the control periods, too
 JUMP = 0.05  # of the values' range: a greater step
@@ -168,7 +168,7 @@ def frames(page: Page, *, select: Select, times_s: Sequence[float] = (), columns
 
 
 def name_frame(ax: "Axes", world: DrawnWorld, t_s: float, robots: Sequence[Mapping[Any, float]]) -> None:
-    """Write R1, R2, ... behind the robots of a frame, M1, ... on the movers and O1, ... on the discs."""
+    """Write R1, R2, ... to the left of the robots of a frame, M1, ... on the movers and O1, ... on the discs."""
     for i, (mover, disc) in enumerate(zip_longest(world.movers, world.discs), 1):
         places = {"M": mover and mover.place(t_s), "O": disc and (disc.x_m, disc.y_m)}
         for letter, place in places.items():
@@ -176,9 +176,9 @@ def name_frame(ax: "Axes", world: DrawnWorld, t_s: float, robots: Sequence[Mappi
                 x_m, y_m = place
                 ax.text(x_m, y_m, f"{letter}{i}", fontsize=6, ha="center", va="center", color="white", zorder=9)
     for i, robot in enumerate(robots, 1):
-        behind = -BEHIND_POINTS * np.cos(robot["heading_rad"]), -BEHIND_POINTS * np.sin(robot["heading_rad"])
+        aside = -ASIDE_POINTS * np.sin(robot["heading_rad"]), ASIDE_POINTS * np.cos(robot["heading_rad"])
         look: dict[str, Any] = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 30}
-        ax.annotate(f"R{i}", (robot["x_m"], robot["y_m"]), behind, textcoords="offset points", **look)
+        ax.annotate(f"R{i}", (robot["x_m"], robot["y_m"]), aside, textcoords="offset points", **look)
 
 
 def time_series(

@@ -193,7 +193,7 @@ WRONG = [
     ((*GO, "seed", "=", "3"), "seed: cannot be read; a word is key=value without spaces"),
     (("--controller=pid",), "--controller=pid: unknown flag; did you mean controller=pid? "),
     (("controller=pid", "world=deadlok"), "world=deadlok: unknown choice; did you mean deadlock?\n"),
-    ((*GO, "episods=3"), "episods: unknown key; did you mean episodes? "),
+    ((*GO, "episods=3"), "episods: unknown key; did you mean episodes?"),
     ((*GO, "world.boxes=[{x_m: 1.0, y_m: 1.0, length_m: 0.2, width_m: 0.2}, {length_m: long}]"),
      "world.boxes[1].length_m='long': must be a number"),
     (("list", "nope"), "list nope: unknown group; there are: controller, world, "),

@@ -103,6 +103,15 @@ REPORT: list[dict[str, Any]] = [
         "axes": {"heading_error": {"title": "error [rad]", "low": -1.0, "high": 1.0}},
     },
     {"name": "rules", "file": "rules", "table": "sflc-rules"},
+    {
+        "name": "rule_grid",
+        "file": "grid",
+        "table": "sflc-rules",
+        "down": ["heading_error"],
+        "across": ["speed"],
+        "of": ["turn"],
+    },
+    {"name": "printed_beside", "file": "beside", "claims": ["time-"]},
     {"name": f"{OF}nemeiksis2019.sections.counts", "file": "counts", "table": "sflc-rules", "by": ["turn"]},
     {"name": f"{OF}aouf2019.sections.surface", "file": "surface", "caption": "Surface.", "table": "sflc-surface"},
     {
