@@ -201,8 +201,13 @@ def write_video(it: "Played", robots: Sequence[int], rays: "Rays", speed: float,
     times_s, a_second = frames_of(it, speed, FORMS[file.suffix])
     hold = [times_s[-1]] * round(HOLD_S * a_second)
     with replacing(file) as temporary, progress() as told:
-        pictures = _pictures(Film(it, robots, rays, _note(it, speed)), [*times_s, *hold], told)
-        (_write_gif if file.suffix == ".gif" else _write_mp4)(temporary, pictures, a_second)
+        film = Film(it, robots, rays, _note(it, speed))
+        pictures = _pictures(film, [*times_s, *hold], told)
+        if file.suffix == ".gif":
+            samples = [film.picture(times_s[k]) for k in (0, len(times_s) // 2, -1)]
+            _write_gif(temporary, pictures, a_second, samples)
+        else:
+            _write_mp4(temporary, pictures, a_second)
 
 
 def _note(it: "Played", speed: float) -> str:
@@ -216,10 +221,15 @@ def _pictures(film: "Film", times_s: Sequence[float], told: Any) -> Iterator["ND
         told("frames", done, len(times_s))
 
 
-def _write_gif(file: Path, pictures: Iterator["NDArray[np.uint8]"], a_second: float) -> None:
+def _write_gif(
+    file: Path, pictures: Iterator["NDArray[np.uint8]"], a_second: float, samples: Sequence["NDArray[np.uint8]"]
+) -> None:
+    """Write pictures in the colours of a few of them: to choose those of each takes as long as to draw it."""
+    import numpy as np
     from PIL import Image
 
-    images = (Image.fromarray(picture).quantize(128, dither=Image.Dither.NONE) for picture in pictures)
+    colours = Image.fromarray(np.concatenate(samples)).quantize(128)
+    images = (Image.fromarray(one).quantize(palette=colours, dither=Image.Dither.NONE) for one in pictures)
     pause_ms = max(round(100.0 / a_second), 2) * 10  # the format counts hundredths of a second
     next(images).save(file, "GIF", save_all=True, append_images=images, duration=pause_ms, loop=0)
 
