@@ -89,7 +89,7 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
     count = len(choices) or SLICES
     places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
     holds = drawn.codes(one.claim.name).ravel() == HOLDS
-    numbered = bool(choices) and all(isinstance(choice, int | float) for choice in choices)
+    numbered = bool(choices) and all(type(choice) in (int, float) for choice in choices)
     order = sorted(range(count), key=lambda k: choices[k]) if numbered else range(count)
     slices = [holds[places == k] for k in order]
     found = [clopper_pearson(int(held.sum()), held.size) for held in slices]
