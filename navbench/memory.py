@@ -35,7 +35,14 @@ def scratch(shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 @type_callable(borrowed)  # type: ignore[no-untyped-call,untyped-decorator,unused-ignore]
 def _type_borrowed(_: Any) -> Any:
-    return lambda given: given
+    return lambda given: given if _can_be_lent(given) else None
+
+
+def _can_be_lent(kind: Any) -> bool:
+    """Return whether of a kind of values only arrays are counted: anything else would be freed too soon."""
+    if isinstance(kind, kinds.BaseTuple):
+        return all(map(_can_be_lent, kind))
+    return isinstance(kind, kinds.Array | kinds.Number | kinds.Boolean)
 
 
 @lower_builtin(borrowed, kinds.Any)  # type: ignore[no-untyped-call,untyped-decorator,unused-ignore]

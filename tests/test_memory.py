@@ -1,8 +1,12 @@
 """Arrays in compiled code: what is borrowed is counted nowhere, what lies on the stack is apart from all else."""
 
 import sys
+from typing import Any
 
 import numpy as np
+import pytest
+from numba.core.errors import TypingError
+from numba.typed import List
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled
@@ -20,6 +24,13 @@ def given_back(array: Array) -> Array:
 @compiled
 def lent_and_given_back(array: Array) -> Array:
     return borrowed(array)
+
+
+@compiled
+def lent_list_and_array(numbers: Any, array: Array) -> float:
+    lent, _ = borrowed((numbers, array))
+    first: float = lent[0]
+    return first
 
 
 @compiled
@@ -60,6 +71,11 @@ def test_tuples_of_arrays_and_numbers_are_borrowed_as_a_whole_and_may_be_written
     first, second = np.zeros(2), np.zeros(2)
     assert write_through((first, (second, 3.0))) == 9.0
     assert (first.tolist(), second.tolist()) == ([3.0, 0.0], [0.0, 6.0])
+
+
+def test_what_is_counted_and_no_array_is_not_borrowed() -> None:
+    with pytest.raises(TypingError):
+        lent_list_and_array(List([1.0]), np.zeros(1))
 
 
 def test_arrays_on_the_stack_do_not_overlap_and_are_given_back() -> None:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from commands import Command
 
+from benchmarks.kill import WORLD
 from navbench.analysis.fitting import Met, Target, targets, values_in
 from navbench.analysis.shares import FAILS, HOLDS, Drawn
 from navbench.analysis.stored import StoredResults
@@ -19,14 +20,6 @@ from navbench.cli.searching import POPULATION, Searches
 from navbench.experiments.files import locked
 from navbench.experiments.samples import DRAWN, Samples
 
-WORLD = """
-defaults: [/schema/world@_here_, _self_, override /robot@_global_.robot: khepera3]
-bounds: {x_min_m: -1.0, x_max_m: 3.0, y_min_m: -1.0, y_max_m: 1.0}
-starts: [{x_m: 0.0, y_m: 0.0, heading_rad: 0.0}]
-goals: [{x_m: 2.0, y_m: 0.0}]
-goal_tolerance_m: 0.05
-time_limit_s: 60.0
-"""
 STUDY = """
 # @package _global_
 title: "tiny: a straight line"
