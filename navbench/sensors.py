@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -88,6 +89,23 @@ class Ring:
         )
 
 
+@lru_cache(maxsize=64)  # rings: each cell of a study asks for its own several times
+def _completed(
+    mounts: tuple[Mount, ...], min_range_m: float, max_range_m: float, cone_half_angle_rad: float, rays: int
+) -> tuple[Mount, ...]:
+    """Return mounts with the ring's common values filled in."""
+    return tuple(
+        replace(
+            mount,
+            min_range_m=min_range_m if mount.min_range_m is None else mount.min_range_m,
+            max_range_m=max_range_m if mount.max_range_m is None else mount.max_range_m,
+            cone_half_angle_rad=cone_half_angle_rad if mount.cone_half_angle_rad is None else mount.cone_half_angle_rad,
+            rays=rays if mount.rays is None else mount.rays,
+        )
+        for mount in mounts
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class Odometry:
     """Errors of the pose that wheel encoders report; both are relative, so they fit a robot of any size.
@@ -160,18 +178,7 @@ class Sensors:
 
     def complete_mounts(self) -> tuple[Mount, ...]:
         """Return the mounts with the ring's common values filled in."""
-        return tuple(
-            replace(
-                mount,
-                min_range_m=self.min_range_m if mount.min_range_m is None else mount.min_range_m,
-                max_range_m=self.max_range_m if mount.max_range_m is None else mount.max_range_m,
-                cone_half_angle_rad=(
-                    self.cone_half_angle_rad if mount.cone_half_angle_rad is None else mount.cone_half_angle_rad
-                ),
-                rays=self.rays if mount.rays is None else mount.rays,
-            )
-            for mount in self.mounts
-        )
+        return _completed(self.mounts, self.min_range_m, self.max_range_m, self.cone_half_angle_rad, self.rays)
 
     def scaled_to(self, radius_m: float) -> "Sensors":
         """Return the suite for a robot of another radius [m]: every length grows with it, no angle does."""

@@ -102,49 +102,37 @@ def sector(theta_obs: float, front_rad: float, side_rad: float) -> int:
 
 
 @compiled
-def add_dangers(
+def add_danger(
     largest: FloatArray,
+    where: int,
     ddcfc: FloatArray,
     thresholds: FloatArray,
-    pose: tuple[float, float, float],
-    v_mps: float,
-    obstacles: FloatArray,
+    way: tuple[float, float],
+    radius_m: float,
+    velocity: tuple[float, float],
     work: FloatArray,
 ) -> None:
-    """Raise LDDC, FDDC and RDDC to the largest danger degree of some obstacles in each sector.
+    """Raise the largest danger degree of a sector to that of an obstacle in it.
 
     Args:
         largest: (3,) LDDC, FDDC and RDDC, 0 before the first obstacle; written.
+        where: the obstacle's sector, not ``ASIDE``.
         ddcfc: ``FuzzyInference.base`` of ``danger_controller``.
         thresholds: R_rob [m], T [s], D_s [m], how far the front and the sides reach [rad]; 1, or 0 if the collision
             time counts as infinite; what follows is not read.
-        pose: the robot's x [m], y [m] and heading [rad].
-        v_mps: its speed [m/s].
-        obstacles: (n, 5) x, y, radius [m], vx, vy [m/s], in the frame of ``pose``.
+        way: from the robot's centre to the obstacle's, x and y [m].
+        radius_m: the obstacle's.
+        velocity: the obstacle's less the robot's, vx and vy [m/s].
         work: (3,) is written.
     """
-    r_rob, period_s, d_s, front_rad, side_rad = (
-        thresholds[0],
-        thresholds[1],
-        thresholds[2],
-        thresholds[3],
-        thresholds[4],
-    )
-    x, y, psi = pose
-    robot_vx, robot_vy = v_mps * math.cos(psi), v_mps * math.sin(psi)
-    for k in range(obstacles.shape[0]):
-        dx, dy = obstacles[k, 0] - x, obstacles[k, 1] - y
-        where = sector(azimuth(psi, math.atan2(dy, dx)), front_rad, side_rad)
-        if where == ASIDE:
-            continue
-        vx, vy = obstacles[k, 3] - robot_vx, obstacles[k, 4] - robot_vy
-        free_m = free_distance(math.hypot(dx, dy), r_rob, obstacles[k, 2])
-        closing = thresholds[5] > 0.0 and dx * vx + dy * vy < 0.0
-        work[0] = distance_factor(free_m, d_s)
-        work[1] = time_factor(collision_time(free_m, math.hypot(vx, vy), closing), period_s)
-        infer(ddcfc, work, work[2:])  # eq. (8)
-        if work[2] > largest[where] or math.isnan(work[2]):
-            largest[where] = work[2]  # definition 7
+    (dx, dy), (vx, vy) = way, velocity
+    free_m = free_distance(math.hypot(dx, dy), thresholds[0], radius_m)
+    closing = thresholds[5] > 0.0 and dx * vx + dy * vy < 0.0
+    t_c = collision_time(free_m, math.hypot(vx, vy) if closing else 0.0, closing)
+    work[0], work[1] = distance_factor(free_m, thresholds[2]), time_factor(t_c, thresholds[1])
+    infer(ddcfc, work, work[2:])  # eq. (8)
+    if work[2] > largest[where] or math.isnan(work[2]):
+        largest[where] = work[2]  # definition 7
 
 
 def danger_controller(

@@ -32,7 +32,7 @@ from navbench.fuzzy.inference import FuzzyInference, infer_and_fire
 from navbench.policy import CompiledController, Policy, compiled, pack, part
 from navbench.validation import Flag, Positive, checked, describe, remembered
 
-from .danger import add_dangers, azimuth, danger_controller
+from .danger import ASIDE, add_danger, azimuth, danger_controller, sector
 from .hits import by_bearing, scan
 from .rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
 from .sets import FuzzySets, velocity_controller
@@ -73,13 +73,21 @@ def step(
     outline, points = part(state, OUTLINE).reshape(-1, 4), part(state, POINTS).reshape(-1, 2)
     obstacles, factors = part(state, OBSTACLES).reshape(-1, 5), part(state, FACTORS)
     mounts, reach_m = part(parameters, MOUNTS).reshape(-1, 6), part(parameters, REACH)[0]
-    hits = scan(mounts, ranges_m, pose, thresholds[4], thresholds[1], reach_m, outline, points, obstacles)
+    front_rad, side_rad, period_s = thresholds[3], thresholds[4], thresholds[1]
+    hits = scan(mounts, ranges_m, pose, front_rad, side_rad, period_s, reach_m, outline, points, obstacles)
     situation, strengths = part(state, SITUATION), part(state, STRENGTHS)
-    dangers = situation[1:]
+    dangers, (x, y, psi) = situation[1:], pose
     dangers[:] = 0.0
-    add_dangers(dangers, ddcfc, thresholds, pose, speed[0], obstacles[:hits], factors)
-    add_dangers(dangers, ddcfc, thresholds, pose, speed[0], discs, factors)
-    situation[0] = azimuth(pose[2], math.atan2(goal[1] - pose[1], goal[0] - pose[0]))
+    vx, vy = speed[0] * math.cos(psi), speed[0] * math.sin(psi)
+    for k in range(hits):
+        way, relative = (obstacles[k, 0] - x, obstacles[k, 1] - y), (obstacles[k, 2] - vx, obstacles[k, 3] - vy)
+        add_danger(dangers, int(obstacles[k, 4]), ddcfc, thresholds, way, 0.0, relative, factors)
+    for k in range(discs.shape[0]):
+        way, relative = (discs[k, 0] - x, discs[k, 1] - y), (discs[k, 3] - vx, discs[k, 4] - vy)
+        where = sector(azimuth(psi, math.atan2(way[1], way[0])), front_rad, side_rad)
+        if where != ASIDE:
+            add_danger(dangers, where, ddcfc, thresholds, way, discs[k, 2], relative, factors)
+    situation[0] = azimuth(psi, math.atan2(goal[1] - y, goal[0] - x))
     trace[:3], trace[3] = dangers, situation[0]
     if infer_and_fire(vfc, situation, trace[8:], strengths) >= 0:
         return math.nan, math.nan

@@ -15,7 +15,7 @@ import numpy as np
 from navbench.compiled import compiled
 from navbench.contract import FloatArray, RangeSensor
 
-from .danger import azimuth
+from .danger import ASIDE, azimuth, sector
 
 ROUNDING_M = 1e-9  # more than rounding can bring nearer
 
@@ -53,8 +53,8 @@ def displacement(x: float, y: float, outline: FloatArray, reach_m: float) -> tup
 
 @compiled
 def scan(
-    mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float], side_rad: float, period_s: float,
-    reach_m: float, outline: FloatArray, points: FloatArray, obstacles: FloatArray,
+    mounts: FloatArray, ranges_m: FloatArray, pose: tuple[float, float, float], front_rad: float, side_rad: float,
+    period_s: float, reach_m: float, outline: FloatArray, points: FloatArray, obstacles: FloatArray,
 ) -> int:  # fmt: skip
     """Write the hits as obstacles, remember them as the next outline, and return how many obstacles there are.
 
@@ -62,12 +62,13 @@ def scan(
         mounts: (n, 6) as ``by_bearing`` returns them.
         ranges_m: (n,) readings, in the order of the sensors [m].
         pose: the robot's x [m], y [m] and heading [rad].
+        front_rad: how far the front sector reaches [rad].
         side_rad: a hit further aside is no obstacle [rad].
         period_s: time since the scan before [s].
         reach_m: how far an obstacle may have moved in it [m]; what has moved further is new, and stands still.
         outline: (n, 4) as of ``join``; read, then written.
         points: (n, 2) is written.
-        obstacles: (n, 5) x, y, radius [m], vx, vy [m/s]; the first rows are written.
+        obstacles: (n, 5) x, y [m], vx, vy [m/s] and the sector; the first rows are written.
     """
     x, y, psi = pose
     c, s = math.cos(psi), math.sin(psi)
@@ -80,11 +81,12 @@ def scan(
         ahead, left = mounts[i, 0] + range_m * mounts[i, 2], mounts[i, 1] + range_m * mounts[i, 3]
         hit_x, hit_y = x + c * ahead - s * left, y + s * ahead + c * left
         points[i, 0], points[i, 1] = hit_x, hit_y
-        if abs(azimuth(psi, math.atan2(hit_y - y, hit_x - x))) > side_rad:
+        where = sector(azimuth(psi, math.atan2(hit_y - y, hit_x - x)), front_rad, side_rad)
+        if where == ASIDE:
             continue
         dx, dy = displacement(hit_x, hit_y, outline, reach_m)
-        obstacles[count, 0], obstacles[count, 1], obstacles[count, 2] = hit_x, hit_y, 0.0
-        obstacles[count, 3], obstacles[count, 4] = dx / period_s, dy / period_s
+        obstacles[count, 0], obstacles[count, 1] = hit_x, hit_y
+        obstacles[count, 2], obstacles[count, 3], obstacles[count, 4] = dx / period_s, dy / period_s, where
         count += 1
     join(points, outline)
     return count

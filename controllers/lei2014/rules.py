@@ -176,8 +176,9 @@ def strongest_of_each(strengths: FloatArray, behaviors: FloatArray, strongest: F
     """
     strongest[:] = 0.0
     for i in range(strengths.size):
-        own = int(behaviors[i])
-        strongest[own] = max(strongest[own], strengths[i])
+        if strengths[i] > 0.0:
+            own = int(behaviors[i])
+            strongest[own] = max(strongest[own], strengths[i])
     return strongest.size - 1 - int(np.argmax(strongest[::-1]))
 
 

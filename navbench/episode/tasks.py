@@ -7,7 +7,7 @@ of 64 corners, and a passage counts as wider by 2 ``SLACK`` than it is.
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,28 +102,14 @@ class FreeSpace:
 
     @cached_property
     def _parts(self) -> Any:
-        """The connected parts of the free space, polygons in a frame around everything."""
-        import shapely
-
-        boxes, discs, polygons = self._still
+        """The connected parts of the free space, see ``_free_parts``."""
+        boxes, discs, _ = self._still
         if self.world.grid is not None:
             boxes = np.concatenate([boxes, self.world.grid.rectangles()])
-        shapes = [
-            *shapely.polygons(_corners(boxes)),
-            *(shapely.Point(x, y).buffer(r, QUARTER) for x, y, r, *_ in discs),
-        ]
-        shapes += [shapely.Polygon([(c.x_m, c.y_m) for c in one.corners]) for one in self.world.polygons]
-        blocked = shapely.union_all(shapes).buffer(self._near_m, QUARTER)
+        outlines = tuple(tuple((c.x_m, c.y_m) for c in one.corners) for one in self.world.polygons)
         b, line = self.world.bounds, self.world.finish_line
-        held = [
-            blocked,
-            shapely.box(b.x_min_m, b.y_min_m, b.x_max_m, b.y_max_m),
-            *([] if line is None else [_segment(line)]),
-        ]
-        frame = shapely.box(*shapely.total_bounds(held)).buffer(MARGIN_M + self.radius_m, join_style="mitre")
-        parts = shapely.get_parts(frame.difference(blocked))
-        shapely.prepare(parts)
-        return parts
+        around = (b.x_min_m, b.y_min_m, b.x_max_m, b.y_max_m), None if line is None else _ends(line)
+        return _free_parts(boxes.tobytes(), discs.tobytes(), outlines, *around, self._near_m, MARGIN_M + self.radius_m)
 
     def _check_room(self) -> None:
         """Check that no two robots are in each other's place when both have arrived."""
@@ -135,6 +121,42 @@ class FreeSpace:
                 f"goals[{j}]: lies {apart_m:.3g} m from goals[{i}], where two robots of radius "
                 f"{self.radius_m:g} m need {needed_m:.3g} m with goal_tolerance_m={tolerance_m:g}"
             )
+
+
+@lru_cache(maxsize=64)  # worlds and robots: the cells of a study share them, and to unite shapes takes a millisecond
+def _free_parts(
+    boxes: bytes,
+    discs: bytes,
+    outlines: Sequence[Sequence[tuple[float, float]]],
+    bounds: tuple[float, float, float, float],
+    line: Any,
+    near_m: float,
+    margin_m: float,
+) -> Any:
+    """Return the connected parts of the free space, polygons in a frame around everything.
+
+    Args:
+        boxes: the bytes of (n, 6) as in ``Layout.box_rows``.
+        discs: of (m, 5) as in ``Layout.disc_rows``.
+        outlines: of each polygon the corners' x and y [m].
+        bounds: of the world, x and y of the lower left and of the upper right corner [m].
+        line: x and y of the finish line's ends [m], None without one.
+        near_m: how near to a thing the robot's centre may be [m].
+        margin_m: how far the frame lies around everything [m].
+    """
+    import shapely
+
+    shapes = [
+        *shapely.polygons(_corners(np.frombuffer(boxes).reshape(-1, 6))),
+        *(shapely.Point(x, y).buffer(r, QUARTER) for x, y, r, *_ in np.frombuffer(discs).reshape(-1, 5)),
+        *map(shapely.Polygon, outlines),
+    ]
+    blocked = shapely.union_all(shapes).buffer(near_m, QUARTER)
+    held = [blocked, shapely.box(*bounds), *([] if line is None else [shapely.LineString([line[:2], line[2:]])])]
+    frame = shapely.box(*shapely.total_bounds(held)).buffer(margin_m, join_style="mitre")
+    parts = shapely.get_parts(frame.difference(blocked))
+    shapely.prepare(parts)
+    return parts
 
 
 def why_impossible(world: DrawnWorld, radius_m: float) -> str:

@@ -8,6 +8,7 @@ it are passed over at once, which saves most where rules stand in the order of a
 """
 
 import itertools
+import math
 from collections.abc import Mapping
 from functools import partial
 
@@ -60,6 +61,14 @@ def memberships(variable: Variable, x: ArrayLike) -> FloatArray:
         raise ValueError("a membership is asked for at an x that is not finite")
     shapes = _shapes(variable)
     return _floats(degrees_of(points, pack(_bounds(variable), shapes, [0, len(shapes)]), len(shapes)).T)
+
+
+def _is_grid(premises: FloatArray, starts: list[int]) -> bool:
+    """Return whether premises are all combinations of the inputs' terms, in the order of ``itertools.product``."""
+    terms = [range(*ends) for ends in itertools.pairwise(starts)]
+    if len(premises) != math.prod(map(len, terms)):
+        return False
+    return bool((premises == list(itertools.product(*terms))).all())
 
 
 def _skips(premises: FloatArray) -> FloatArray:
@@ -224,4 +233,5 @@ class FuzzyInference:
             np.concatenate(pieces),
             windows,
             [self.defuzzification == "weighted_mean_of_peaks"],
+            [_is_grid(premises, starts[: n_inputs + 1])],
         )

@@ -25,6 +25,7 @@ PEAKS = 7  # (n_terms,)
 PIECES = 8  # (n_pieces, 7) of ``divided``, all outputs in a row
 WINDOWS = 9  # (n_terms, 2) each output term's first piece, and the end of its pieces
 WEIGHTED = 10  # (1,) 1 for the weighted mean of peaks, 0 for the centroid
+GRID = 11  # (1,) 1 if the premises are all combinations of the terms, those of the last input running first
 
 
 @compiled
@@ -69,21 +70,46 @@ def degrees_of(x: FloatArray, base: FloatArray, n_terms: int) -> FloatArray:
 
 
 @compiled
-def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, strengths: FloatArray, fired: FloatArray) -> int:
-    """Write the degree of each input term, the strength of each rule and the numbers of those that fire, counted.
+def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, fired: FloatArray) -> int:
+    """Write the degree of each input term, and number and strength of each rule that fires, counted.
 
     Returns:
         How many fire; of an unusable input -1 less its number.
     """
-    n_inputs, count = _input_count(base), 0
-    for i in range(n_inputs):
+    for i in range(_input_count(base)):
         if math.isnan(values[i]) or (math.isinf(values[i]) and base[int(base[RANGES]) + 3 * i + 2] > 0.0):
             return -1 - i
         _fuzzify(values[i], base, i, slots)
-    slots[-1] = 1.0  # any
-    strengths[:] = 0.0
-    premises, skips, r = int(base[PREMISES]), int(base[SKIPS]), 0
-    while r < strengths.size:
+    return _fire_grid(base, slots, fired) if base[int(base[GRID])] > 0.0 else _fire_each(base, slots, fired)
+
+
+@compiled
+def _fire_grid(base: FloatArray, slots: FloatArray, fired: FloatArray) -> int:
+    """Combine, input by input, what fires so far with each term met; the digits of a rule's number are its terms."""
+    met, starts, count = scratch((slots.size,)), int(base[STARTS]), 1
+    fired[0, 0], fired[0, 1] = 0.0, 1.0
+    for i in range(_input_count(base)):
+        first, end, width = int(base[starts + i]), int(base[starts + i + 1]), 0
+        for t in range(first, end):
+            if slots[t] > 0.0:
+                met[width] = t
+                width += 1
+        for k in range(count - 1, -1, -1):  # from the last one, so that none is written over before it is read
+            before, strength = fired[k, 0] * (end - first) - first, fired[k, 1]
+            for j in range(width - 1, -1, -1):
+                fired[k * width + j, 0] = before + met[j]
+                fired[k * width + j, 1] = min(strength, slots[int(met[j])])
+        count *= width
+    return count
+
+
+@compiled
+def _fire_each(base: FloatArray, slots: FloatArray, fired: FloatArray) -> int:
+    """Go through all rules, past those that share a premise that does not hold."""
+    slots[slots.size - 1] = 1.0  # any
+    n_inputs, count, r = _input_count(base), 0, 0
+    premises, skips, n_rules = int(base[PREMISES]), int(base[SKIPS]), rule_count(base)
+    while r < n_rules:
         strength, at, following = 1.0, n_inputs * r, r + 1
         for i in range(n_inputs):
             strength = min(strength, slots[int(base[premises + at + i])])
@@ -91,19 +117,19 @@ def _fire(base: FloatArray, values: FloatArray, slots: FloatArray, strengths: Fl
                 following = int(base[skips + at + i])
                 break
         else:
-            strengths[r], fired[count] = strength, r
+            fired[count, 0], fired[count, 1] = r, strength
             count += 1
         r = following
     return count
 
 
 @compiled
-def _centroid(base: FloatArray, conclusions: int, fired: FloatArray, strengths: FloatArray, slots: FloatArray) -> float:
+def _centroid(base: FloatArray, conclusions: int, count: int, fired: FloatArray, slots: FloatArray) -> float:
     """Return the centroid of an output, see ``centroid``; each term is cut at the strength of its strongest rule."""
     windows, none, begin, end = int(base[WINDOWS]), slots.size - 1, math.inf, 0.0
-    for r in fired:
-        t = int(base[conclusions + int(r)])
-        slots[t] = max(slots[t], strengths[int(r)])
+    for k in range(count):
+        t = int(base[conclusions + int(fired[k, 0])])
+        slots[t] = max(slots[t], fired[k, 1])
         if t < none:
             begin, end = min(begin, base[windows + 2 * t]), max(end, base[windows + 2 * t + 1])
     if end == 0.0:
@@ -113,17 +139,11 @@ def _centroid(base: FloatArray, conclusions: int, fired: FloatArray, strengths: 
 
 @compiled
 def _weighted_mean(
-    base: FloatArray,
-    conclusions: int,
-    fired: FloatArray,
-    strengths: FloatArray,
-    slots: FloatArray,
-    first: int,
-    end: int,
+    base: FloatArray, conclusions: int, count: int, fired: FloatArray, slots: FloatArray, first: int, end: int
 ) -> float:
     """Return sum(strength * peak) / sum(strength) over an output's terms, of each the sum over its rules; NaN if 0."""
-    for r in fired:
-        slots[int(base[conclusions + int(r)])] += strengths[int(r)]
+    for k in range(count):
+        slots[int(base[conclusions + int(fired[k, 0])])] += fired[k, 1]
     total, moment, peaks = 0.0, 0.0, int(base[PEAKS])
     for t in range(first, end):
         total += slots[t]
@@ -149,6 +169,42 @@ def slot_count(base: FloatArray) -> int:
 
 
 @compiled
+def _infer(base: FloatArray, values: FloatArray, fired: FloatArray, out: FloatArray) -> int:
+    """Write the crisp outputs, and what fires, as ``_fire`` does and returns it."""
+    slots = scratch((slot_count(base),))
+    count = _fire(base, values, slots, fired)
+    for o in range(int(base[OUTPUTS + 1] - base[OUTPUTS]) // 3):
+        at, starts = int(base[OUTPUTS]) + 3 * o, int(base[STARTS]) + _input_count(base) + o
+        first, end, conclusions = (
+            int(base[starts]),
+            int(base[starts + 1]),
+            int(base[CONCLUSIONS]) + rule_count(base) * o,
+        )
+        for t in range(first, end):
+            slots[t] = 0.0
+        if count < 0:
+            out[o] = math.nan
+        elif base[int(base[WEIGHTED])] > 0.0:
+            out[o] = _weighted_mean(base, conclusions, count, fired, slots, first, end)
+        else:
+            out[o] = base[at] + base[at + 1] * _centroid(base, conclusions, count, fired, slots)
+        if math.isnan(out[o]) and count >= 0:
+            out[o] = base[at + 2]
+    return count
+
+
+@compiled
+def _tell(count: int, fired: FloatArray, strengths: FloatArray) -> int:
+    """Write the strength of each rule, and return the number of the first unusable input, else -1."""
+    if count < 0:
+        return -1 - count
+    strengths[:] = 0.0
+    for k in range(count):
+        strengths[int(fired[k, 0])] = fired[k, 1]
+    return -1
+
+
+@compiled
 def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
     """Write how strongly each rule fires for the crisp inputs, callable from compiled code.
 
@@ -160,9 +216,9 @@ def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
     Returns:
         The number of the first unusable input, else -1.
     """
-    fired = scratch((strengths.size,)) if strengths.size <= SMALL else np.empty(strengths.size)
-    count = _fire(base, values, scratch((slot_count(base),)), strengths, fired)
-    return -1 if count >= 0 else -1 - count
+    rules = rule_count(base)
+    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
+    return _tell(_fire(base, values, scratch((slot_count(base),)), fired), fired, strengths)
 
 
 @compiled
@@ -177,8 +233,10 @@ def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
     Returns:
         The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
     """
-    count = rule_count(base)
-    return infer_and_fire(base, values, out, scratch((count,)) if count <= SMALL else np.empty(count))
+    rules = rule_count(base)
+    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
+    count = _infer(base, values, fired, out)
+    return -1 if count >= 0 else -1 - count
 
 
 @compiled
@@ -194,20 +252,6 @@ def infer_and_fire(base: FloatArray, values: FloatArray, out: FloatArray, streng
     Returns:
         As ``infer``.
     """
-    fired = scratch((strengths.size,)) if strengths.size <= SMALL else np.empty(strengths.size)
-    slots = scratch((slot_count(base),))
-    count = _fire(base, values, slots, strengths, fired)
-    if count < 0:
-        out[:] = math.nan
-        return -1 - count
-    weighted, fired = base[int(base[WEIGHTED])] > 0.0, fired[:count]
-    for o in range(int(base[OUTPUTS + 1] - base[OUTPUTS]) // 3):
-        at, starts = int(base[OUTPUTS]) + 3 * o, int(base[STARTS]) + _input_count(base) + o
-        first, end, conclusions = int(base[starts]), int(base[starts + 1]), int(base[CONCLUSIONS]) + strengths.size * o
-        slots[first:end] = 0.0
-        if weighted:
-            crisp = _weighted_mean(base, conclusions, fired, strengths, slots, first, end)
-        else:
-            crisp = base[at] + base[at + 1] * _centroid(base, conclusions, fired, strengths, slots)
-        out[o] = base[at + 2] if math.isnan(crisp) else crisp
-    return -1
+    rules = rule_count(base)
+    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
+    return _tell(_infer(base, values, fired, out), fired, strengths)

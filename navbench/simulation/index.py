@@ -40,17 +40,18 @@ def index_of(
         arrays. The last list, for places outside all squares, holds everything.
     """
     counts = len(boxes), len(discs), len(polygons)
-    place, begins, items = np.array([0.0, 0.0, 1.0, 0.0]), np.zeros(1, np.int64), np.zeros(0, np.int64)
-    if sum(counts) >= MANY and reach_m < math.inf:
-        centres = np.concatenate([boxes[:, :2], discs[:still_discs, :2], polygons[:still_polygons, :2]])
-        low, high = centres.min(axis=0) - reach_m, centres.max(axis=0) + reach_m
-        place = np.array([*low, max(high - low), 1.0])
-        begins, items = np.array([0, sum(counts)]), np.arange(sum(counts))
-        for _ in range(LEVELS_MAX):
-            if place[2] <= 0.5 * reach_m:
-                break
-            place[2:] *= 0.5, 2.0
-            begins, items = _halved(place, begins, items, boxes, discs, polygons, still_discs, still_polygons, reach_m)
+    if sum(counts) < MANY or reach_m == math.inf:
+        boxes_of, discs_of, polygons_of = map(np.arange, counts)
+        return np.array([0.0, 0.0, 1.0, 0.0]), np.array([[0, n] for n in counts]), boxes_of, discs_of, polygons_of
+    centres = np.concatenate([boxes[:, :2], discs[:still_discs, :2], polygons[:still_polygons, :2]])
+    low, high = centres.min(axis=0) - reach_m, centres.max(axis=0) + reach_m
+    place = np.array([*low, max(high - low), 1.0])
+    begins, items = np.array([0, sum(counts)]), np.arange(sum(counts))
+    for _ in range(LEVELS_MAX):
+        if place[2] <= 0.5 * reach_m:
+            break
+        place[2:] *= 0.5, 2.0
+        begins, items = _halved(place, begins, items, boxes, discs, polygons, still_discs, still_polygons, reach_m)
     kinds, first = [], 0
     for count in counts:
         own = (items >= first) & (items < first + count)

@@ -527,3 +527,22 @@ def test_a_rule_base_that_is_too_large_for_the_stack_answers_as_its_first_rules_
         return *inference(0.3, 1.2), inference.strengths(0.3, 1.2).sum()
 
     assert answer(3) == answer(40)  # 9 and 1,600 rules
+
+
+@pytest.mark.parametrize("inputs", [1, 2, 3])
+def test_all_combinations_in_order_fire_as_the_same_rules_in_another_order(inputs: int) -> None:
+    rng = np.random.default_rng(inputs)
+    inputs_of = {
+        f"x{i}": Variable.from_peaks({"a": 0.0, "b": 1.0 + i, "c": 4.0}, 0.0, 4.0, shoulders=False)
+        for i in range(inputs)
+    }
+    output = {"y": Variable.from_peaks({"s": 0.0, "m": 2.0, "l": 3.0}, 0.0, 3.0, shoulders=True)}
+    rules = [(*premises, str(rng.choice(list("sml")))) for premises in itertools.product("abc", repeat=inputs)]
+    given: dict[str, Any] = {"fallback": {"y": 0.0}, "defuzzification": "centroid"}
+    ordered = FuzzyInference(inputs_of, output, rules, **given)
+    shuffled = rng.permutation(len(rules))
+    other = FuzzyInference(inputs_of, output, [rules[i] for i in shuffled], **given)
+    for values in rng.uniform(-1.0, 5.0, (200, inputs)):
+        assert np.array_equal(ordered.strengths(*values)[shuffled], other.strengths(*values))
+        assert ordered(*values) == other(*values)
+    assert sum(ordered.strengths(*[1.5] * inputs) > 0.0) == 2**inputs
