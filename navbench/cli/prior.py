@@ -2,16 +2,13 @@
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from navbench.analysis.claims import Entry, asked_by, entries
 from navbench.analysis.factors import Factor, factors_of
 from navbench.analysis.multiverse import conditions, multiverse_of
-from navbench.cli.composing import composing
-from navbench.cli.configuration import cell_of
-from navbench.cli.rebuilding import Base, base_of, set_by
+from navbench.cli.rebuilding import Base, base_of, in_simulator, set_by
 from navbench.cli.reconstructions import Choice, Drawn, Part, Reconstructions
 from navbench.cli.references import COLUMNS, SELECTIONS
 from navbench.cli.study_configuration import compose_study
@@ -140,21 +137,10 @@ def _choices(gains: Mapping[str, Mapping[int, Any]], claims: Iterable[Entry]) ->
 
 def _in_planar(cells: Iterable[Cell], config_dir: str | Path | None) -> list[Cell]:
     """Return cells in the simulator of reconstructions; of those that differ in their tuning's seed alone the first."""
-    with composing(config_dir) as composer:
-        planar = cell_of(composer.values("run", [f"simulator={SIMULATOR}"]))
     found: dict[tuple[Any, ...], Cell] = {}
-    for cell in cells:
-        options = {**planar.configuration["simulator"]}
-        options |= {key: value for key, value in cell.configuration["simulator"].items() if key != "_target_"}
-        moved = replace(
-            cell,
-            names=cell.names._replace(simulator=SIMULATOR),
-            configuration={**cell.configuration, "simulator": options},
-            sources={**cell.sources, "simulator": planar.sources["simulator"] if options["drive"] == "limited" else {}},
-            simulator=planar.simulator,
-        )
-        key = moved.key()
-        found.setdefault((key.name, key.label, key.run_id, key.tuning, moved.indices), moved)
+    for cell in in_simulator(cells, SIMULATOR, config_dir):
+        key = cell.key()
+        found.setdefault((key.name, key.label, key.run_id, key.tuning, cell.indices), cell)
     return list(found.values())
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from navbench.analysis.factors import Factor, apply, factors_of
 from navbench.cli.composing import composing
-from navbench.cli.configuration import native_of, without
+from navbench.cli.configuration import cell_of, native_of, without
 from navbench.cli.worlds import world_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.plan import Plan
@@ -86,6 +86,25 @@ def rebuilt(cell: Cell, parts: Mapping[str, Made]) -> Cell:
         sensors=parts["sensors"].thing,
         options=parts["simulator"].thing,
     )
+
+
+def in_simulator(cells: Iterable[Cell], name: str, config_dir: str | Path | None = None) -> list[Cell]:
+    """Return cells in the simulator of a name, with the options that they have."""
+    with composing(config_dir) as composer:
+        other = cell_of(composer.values("run", [f"simulator={name}"]))
+    found = []
+    for cell in cells:
+        own = {key: value for key, value in cell.configuration["simulator"].items() if key != "_target_"}
+        options = {**other.configuration["simulator"], **own}
+        moved = replace(
+            cell,
+            names=cell.names._replace(simulator=name),
+            configuration={**cell.configuration, "simulator": options},
+            sources={**cell.sources, "simulator": other.sources["simulator"] if options["drive"] == "limited" else {}},
+            simulator=other.simulator,
+        )
+        found.append(moved)
+    return found
 
 
 def at_point(

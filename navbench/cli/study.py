@@ -1,6 +1,7 @@
 """A study: what is missing of it is run, then its report is written."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,13 +16,13 @@ and report.html
   workers=N                                         processes; default one a core; 0 for none, for a debugger
   reconstruction=best                               as the best reconstruction of its multiverse has it, which is fitted
                                                     to the printed numbers, into results/NAME/best
+  simulator=planar                                  every cell in this simulator, into results/NAME/planar
   resume=other-code                                 keep what was run before navbench or a controller was changed
   --overwrite                                       remove finished parts that are there and not of this study any more
   --config-dir DIR                                  a folder with further studies, controllers, worlds and robots
 
 The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
 """
-BEST = "reconstruction=best"
 
 
 def study(arguments: Sequence[str]) -> int:
@@ -31,27 +32,50 @@ def study(arguments: Sequence[str]) -> int:
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["study", *words.names])
         raise DescriptionError(f"{given}: name one study; {instead(given[6:], known, 'there are')}")
-    for word in words.overrides:
-        if word.startswith("reconstruction=") and word != BEST:
-            raise DescriptionError(f"{word}: {instead(word.partition('=')[2], ['best'])}")
-    best = "best" if BEST in words.overrides else ""
+    asked, others = _otherwise(words.overrides, words.config_dir)
     from navbench.cli.engine import where
     from navbench.cli.flow import carry_out
-    from navbench.cli.rebuilding import fitted
+    from navbench.cli.rebuilding import fitted, in_simulator
     from navbench.cli.report import print_written
     from navbench.cli.study_configuration import compose_study
     from navbench.experiments.engines import in_processes
     from navbench.experiments.store import Results
     from navbench.report.reports import write_report
 
-    name, chosen = words.names[0], where([word for word in words.overrides if word != BEST], words.config_dir, "study")
-    out = Path("results") / name / best
+    name, chosen = words.names[0], where(others, words.config_dir, "study")
+    out = Path("results", name, *asked.values())
 
     def finish(results: Results) -> int:
         each = partial(in_processes, workers=chosen["workers"])
         return print_written(write_report([results], out, each, trust=True))
 
-    plan, path = compose_study(name, words.config_dir), Path("outputs/study") / "-".join(filter(None, (name, best)))
-    if best:
+    plan, path = compose_study(name, words.config_dir), Path("outputs/study") / "-".join([name, *asked.values()])
+    if "reconstruction" in asked:
         plan = fitted(plan, Path("results") / name / "multiverse" / "best.json", words.config_dir)
+    if "simulator" in asked:
+        title = f"{(plan.study or {})['title']}, every cell in {asked['simulator']}"
+        cells = tuple(in_simulator(plan.cells, asked["simulator"], words.config_dir))
+        plan = replace(plan, cells=cells, study={**(plan.study or {}), "title": title})
     return carry_out(plan, path, ["study", *arguments], finish, **words.kept, **chosen)
+
+
+def _otherwise(words: Sequence[str], config_dir: str | None) -> tuple[dict[str, str], list[str]]:
+    """Return what words ask of all cells of a study, and the other words.
+
+    Raises:
+        DescriptionError: there is no such reconstruction or simulator.
+    """
+    asked, others = {}, []
+    for word in words:
+        key, _, value = word.partition("=")
+        if key == "reconstruction":
+            known: Sequence[str] = ["best"]
+        elif key == "simulator":
+            known = list(files_of("simulator", [CONF, *([Path(config_dir)] if config_dir else [])]))
+        else:
+            others.append(word)
+            continue
+        if value not in known:
+            raise DescriptionError(f"{word}: {instead(value, known)}")
+        asked[key] = value
+    return asked, others

@@ -187,13 +187,13 @@ class EpisodeRunner:
 
     def _drive(self, pilots: list[Pilot]) -> None:
         """Run control periods one by one."""
-        motions, time_limit_s = self.simulator.motions(), self.time_limit_s
+        motions, ranges, time_limit_s = self.simulator.motions(), self.simulator.ranges(), self.time_limit_s
         for k in range(self.periods):
             if not self.simulator.active:
                 break
             t_s = k * self.period_s
             self._apart.timeout.step()
-            motions = self._period(pilots, motions, t_s, min(self.period_s, time_limit_s - t_s))
+            motions, ranges = self._period(pilots, motions, ranges, t_s, min(self.period_s, time_limit_s - t_s))
         for pilot in pilots:
             pilot.states = np.array(pilot.rows).reshape(-1, 6)
 
@@ -287,14 +287,15 @@ class EpisodeRunner:
             controllers[index] = controller  # nothing of an episode is left in it but its policy, which is made anew
         return controller
 
-    def _period(self, pilots: list[Pilot], before: list[list[float]], t_s: float, dt_s: float) -> list[list[float]]:
-        """Let every running robot observe and act, then move all; keep what they did and return their new motions."""
-        simulator = self.simulator
-        active, ranges, touches = simulator.active.copy(), simulator.ranges(), simulator.touching
+    def _period(
+        self, pilots: list[Pilot], before: list[list[float]], ranges: FloatArray, t_s: float, dt_s: float
+    ) -> tuple[list[list[float]], FloatArray]:
+        """Let every running robot observe and act, then move all; keep what they did, return new motions and ranges."""
+        simulator, active, touches = self.simulator, self.simulator.active.copy(), self.simulator.touching
         for i in active:
             self._act(pilots[i], i, t_s, before[i], ranges[i], touches[i])
-        ends = {event.robot_index: event for event in simulator.advance(t_s, dt_s)} if simulator.active else {}
-        after = simulator.motions()
+        events, ranges = simulator.period(t_s, dt_s) if simulator.active else ([], ranges)
+        ends, after = {event.robot_index: event for event in events}, simulator.motions()
         for i in active:
             pilot, (x, y, heading, *_) = pilots[i], before[i]
             if pilot.outcome == "controller_error":
@@ -311,7 +312,7 @@ class EpisodeRunner:
             pilot.rows += t_s, x, y, heading, v, w
             if pilot.perception.drifts:
                 pilot.perception.travel(left, right, duration)
-        return after
+        return after, ranges
 
     def _act(
         self, pilot: Pilot, index: int, t_s: float, motion: list[float], ranges_m: FloatArray, touching: bool

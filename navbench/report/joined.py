@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 PAGE = "README.md"
 MULTIVERSE = "multiverse"  # the folder of a study's
+PLANAR = "planar"  # that of its report with every cell in this simulator
 FINDINGS = 3  # of each study; its report holds all
 VERDICT_WORDS = (
     "Within its tolerance a claim is reproduced, within twice the tolerance partly. Evidence says what an agreement "
@@ -70,6 +71,7 @@ class Found(NamedTuple):
         errata: what its paper prints wrong or leaves open: where, printed, here.
         claims: its table of what its paper claims, with the columns of ``claims.csv``; no rows where it has none.
         shares: in which share of the reconstructions each holds; no rows where there is no multiverse.
+        planar: as ``claims``, with every cell in the planar simulator; no rows where it was not run so.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Found(NamedTuple):
     errata: Sequence[Mapping[str, str]]
     claims: "pd.DataFrame"
     shares: "pd.DataFrame"
+    planar: "pd.DataFrame"
 
 
 def write_joined(folder: Path) -> Path:
@@ -103,7 +106,15 @@ def write_joined(folder: Path) -> Path:
         "nothing."
     )
     told = [block for study in studies for block in _told(study)]
-    blocks = [head, *told, *_counted(studies), *_shares(studies, folder), *_refuted(studies), *_errata(studies)]
+    blocks = [
+        head,
+        *told,
+        *_counted(studies),
+        *_shares(studies, folder),
+        *_in_planar(studies),
+        *_refuted(studies),
+        *_errata(studies),
+    ]
     write_table(folder / PAGE, render(Document("What the studies found", blocks)))
     return folder / PAGE
 
@@ -125,6 +136,7 @@ def read_study(path: Path) -> Found:
             told["errata"],
             read_claims(path / "claims.csv").query("kind == 'claim'"),
             read_shares(path / MULTIVERSE),
+            read_claims(path / PLANAR / "claims.csv").query("kind == 'claim'"),
         )
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, DescriptionError):
@@ -217,6 +229,33 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
     table = _table(["study", *SHARE_VERDICTS], rows)
     return [Heading("In how many reconstructions they hold"), Paragraph(text), Plot("shares", caption), table, *links]
+
+
+def _in_planar(studies: Sequence[Found]) -> list[Block]:
+    """Return how the claims of all papers fare with every cell in the planar simulator."""
+    counted, rows = [], []
+    for study in (study for study in studies if len(study.planar)):
+        both = study.claims.merge(study.planar, on="id", suffixes=("", "_planar"))
+        other = both[both["verdict"] != both["verdict_planar"]]
+        equal = (both["measured"] == both["measured_planar"]) | both["measured"].isna() & both["measured_planar"].isna()
+        counted.append([study.name, str(len(both)), str(int(equal.sum())), str(len(other))])
+        for claim in other.to_dict("records"):
+            planar = {column: claim[f"{column}_planar"] for column in COLUMNS if column != "id"}
+            found = [f"{plain(one['verdict'])}: {measured_figure(one)}" for one in (claim, planar)]
+            rows.append([study.name, claim["id"], claim["statement"], printed_figure(claim), *found])
+    if not counted:
+        return []
+    text = (
+        "A study's single runs and its runs over many starts each have the simulator that its tables name. Here every "
+        "cell is in the planar one, whose rays and contacts are exact."
+    )
+    blocks: list[Block] = [
+        Heading("With every cell in the planar simulator"),
+        Paragraph(text),
+        _table(["study", "claims", "same figure", "other verdict"], counted),
+    ]
+    heads = ["study", "id", "statement", "printed", "as reported", "in planar"]
+    return [*blocks, _table(heads, rows) if rows else Paragraph("No verdict differs.")]
 
 
 def _count(claims: "pd.DataFrame", title: str) -> list[str]:

@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +49,9 @@ _MOTION = RobotState._fields.index("clearance_m")  # so many of a robot's number
 class Simulator(ABC):
     """One layout with its robots at a time; reset it for each episode, close it at the end.
 
-    The loop asks for ``ranges``, gives each robot a ``command``, and lets ``advance`` move all through one control
-    period. An engine makes its bodies in ``build``, from ``scene``, ``robots`` and ``robot``, and answers there.
+    The loop asks for ``ranges``, gives each robot a ``command``, and lets ``period`` move all through one control
+    period and say what the rings read then. An engine makes its bodies in ``build``, from ``scene``, ``robots`` and
+    ``robot``, and answers there.
 
     Args:
         options: how to simulate.
@@ -156,6 +157,7 @@ class Simulator(ABC):
         begun = [(*start, *start, goal.x_m, goal.y_m, 1) for start, goal in zip(starts, layout.goals, strict=True)]
         for name, column in zip(_BEGUN, zip(*begun, strict=True), strict=True):
             self.robots[name] = column
+        self._touches = self.robots["touches"]
         self._motions = self.robots.view(np.float64).reshape(count, -1)[:, :_MOTION]
         self.fixed["goal_tolerance_m"], self.fixed["fastest_mover_mps"] = goal_tolerance_m, scene.fastest_mps
         self.pipeline = (
@@ -198,7 +200,7 @@ class Simulator(ABC):
     @property
     def touching(self) -> list[bool]:
         """Whether each robot touches something that it hit."""
-        return list(map(bool, self.robots["touches"].tolist()))
+        return list(map(bool, self._touches.tolist()))
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
@@ -256,7 +258,14 @@ class Simulator(ABC):
             dt_s: its length [s].
         """
         self.reserve(dt_s)
-        running = self._advance(self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s)
+        return self._ended(self._advance(*self._moving(), t_s, dt_s), dt_s)
+
+    def period(self, t_s: float, dt_s: float) -> tuple[list[Event], FloatArray]:
+        """Do as ``advance``, and return also what the ``ranges`` are then; arguments as there."""
+        return self.advance(t_s, dt_s), self.ranges()
+
+    def _ended(self, running: int, dt_s: float) -> list[Event]:
+        """Return the ends that came in a period [s], of which this many robots were left."""
         self._is_placed = False
         if self.options.gui:
             self._place()
@@ -285,9 +294,12 @@ class Simulator(ABC):
     def _command(self) -> Callable[..., bool]:
         return direct(set_command, self.pipeline[0], 0, 0.0, 0.0, self.fixed)
 
+    def _moving(self) -> tuple[Any, ...]:
+        return self.robots, self.pipeline, self.scene.arrays, self.fixed
+
     @cached_property
     def _advance(self) -> Callable[..., int]:
-        return direct(advance, self.robots, self.pipeline, self.scene.arrays, self.fixed, 0.0, 0.0)
+        return direct(advance, *self._moving(), 0.0, 0.0)
 
     def _thing(self, kind: int, row: int) -> Thing:
         """Return what has this row among the scene's things of a kind."""

@@ -12,8 +12,9 @@ from navbench.compiled import compiled, compiled_for_vectors, compiled_inline, d
 from navbench.mathematics.geometry import is_box_near
 from navbench.memory import borrowed
 from navbench.simulation.base import Simulator
+from navbench.simulation.contacts import Event
 from navbench.simulation.index import nearby
-from navbench.simulation.motion import Scenery
+from navbench.simulation.motion import Pipeline, Scenery, advance
 from navbench.world.grid import ray_to_cell
 
 FloatArray = NDArray[np.float64]
@@ -48,16 +49,45 @@ class PlanarSimulator(Simulator):
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m]."""
         ranges = self._unobstructed.copy()
-        self._read(*self._readable(ranges))
+        self._read(self.robots, self.scene.arrays, *self._ring(ranges))
         return ranges
 
-    def _readable(self, ranges: FloatArray) -> tuple[Any, ...]:
-        rays = self.rays
-        return self.robots, self.scene.arrays, rays.table, rays.reach_m, self.robot.radius_m, self.beams, ranges
+    def period(self, t_s: float, dt_s: float) -> tuple[list[Event], FloatArray]:
+        """Move everything and read the rings, in one call: to hand over the arrays takes longer than the work."""
+        self.reserve(dt_s)
+        ranges = self._unobstructed.copy()
+        return self._ended(self._move_and_read(*self._moving(), t_s, dt_s, *self._ring(ranges)), dt_s), ranges
+
+    def _ring(self, ranges: FloatArray) -> tuple[Any, ...]:
+        return self.rays.table, self.rays.reach_m, self.robot.radius_m, self.beams, ranges
 
     @cached_property
     def _read(self) -> Callable[..., None]:
-        return direct(_read_rings, *self._readable(self._unobstructed))
+        return direct(_read_rings, self.robots, self.scene.arrays, *self._ring(self._unobstructed))
+
+    @cached_property
+    def _move_and_read(self) -> Callable[..., int]:
+        return direct(_advance_and_read, *self._moving(), 0.0, 0.0, *self._ring(self._unobstructed))
+
+
+@compiled
+def _advance_and_read(
+    robots: RobotArray,
+    pipeline: Pipeline,
+    scenery: Scenery,
+    fixed: NDArray[np.void],
+    t_s: float,
+    dt_s: float,
+    rays: NDArray[np.void],
+    reach_m: float,
+    radius_m: float,
+    beams: FloatArray,
+    ranges: FloatArray,
+) -> int:
+    """Do as ``advance``, and then as ``_read_rings``."""
+    running = advance(robots, pipeline, scenery, fixed, t_s, dt_s)
+    _read_rings(robots, scenery, rays, reach_m, radius_m, beams, ranges)
+    return running
 
 
 @compiled

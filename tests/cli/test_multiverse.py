@@ -1,13 +1,14 @@
 """A multiverse: shares and what decides them where the answer is known, stopped and gone on with, and wrong words."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from commands import Command
+from commands import Command, in_a_process
 
 from benchmarks.kill import WORLD
 from navbench.analysis.fitting import Met, Target, targets, values_in
@@ -43,15 +44,39 @@ LOW, HIGH = 0.1, 0.3333  # the range of go_to_goal's speed
 SHARE = (1.95 / 7.95 - 1.95 / 12.05) / (HIGH - LOW)  # of it in which the line takes 10.0 s, to its decimals, within 2 s
 
 
+WORDS = ("multiverse", "tiny", "n=128", "decide=0", "search=32", "workers=1", "--config-dir", "conf", "out=there")
+
+
+def fill(folder: Path) -> None:
+    for name, text in (("world/line.yaml", WORLD), ("study/tiny.yaml", STUDY.lstrip())):
+        file = folder / "conf" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user's folder with the study."""
-    for name, text in (("world/line.yaml", WORLD), ("study/tiny.yaml", STUDY.lstrip())):
-        file = tmp_path / "conf" / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
+    fill(tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder where ``WORDS`` have been called."""
+    folder = tmp_path_factory.mktemp("ended")
+    fill(folder)
+    done = in_a_process(folder, *WORDS)
+    assert done.code == 0, done.err
+    return folder
+
+
+@pytest.fixture
+def there(ended: Path, folder: Path) -> Path:
+    """What ``WORDS`` keep, in a folder of the test's own."""
+    shutil.copytree(ended, folder, dirs_exist_ok=True)
+    return folder / "there"
 
 
 def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor_decides(
@@ -106,6 +131,17 @@ def test_the_study_s_own_reconstruction_says_what_the_study_does(command: Comman
     joined = (folder / "results/README.md").read_text()
     assert "| tiny | 1 | 1 | 0 | 0 |" in joined
     assert (folder / "results/figures/shares.png").is_file()
+
+
+def test_a_study_in_another_simulator_stands_beside_it(command: Command, folder: Path) -> None:
+    done = command("study", "tiny", "simulator=pybullett", "--config-dir", "conf")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "simulator=pybullett: did you mean pybullet?" in done.err
+    assert command("study", "tiny", "simulator=pybullet", "workers=0", "--config-dir", "conf").code == 0
+    told: dict[Any, Any] = pd.read_csv("results/tiny/pybullet/claims.csv").set_index("id").to_dict("index")
+    assert {one["simulator"] for one in told.values()} == {"pybullet"}
+    assert told["time-set"]["measured"] == pytest.approx(10.0, abs=0.02)
+    assert "# tiny: a straight line, every cell in pybullet" in Path("results/tiny/pybullet/report.md").read_text()
 
 
 def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path) -> None:
@@ -182,47 +218,45 @@ def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command
 
 
 def test_a_damaged_block_is_found_named_and_made_anew_and_nobody_else_writes_meanwhile(
-    command: Command, folder: Path
+    command: Command, there: Path
 ) -> None:
-    words = ("multiverse", "tiny", "n=128", "decide=0", "search=32", "workers=1", "--config-dir", "conf", "out=there")
-    assert command(*words).code == 0
     assert command("verify", "there").out == "there: all well: 128 reconstructions\n"
-    for name in ("drawn-03-000000-008", "seconds/drawn-05-000000-008", "searched-01-000"):
-        file = folder / "there" / f"{name}.parquet"
-        before = file.read_bytes()
-        file.write_bytes(before[:200] + bytes([before[200] ^ 1]) + before[201:])
+    names = "drawn-03-000000-008", "searched-01-000", "seconds/drawn-05-000000-008"
+    before = {there / f"{name}.parquet": (there / f"{name}.parquet").read_bytes() for name in names}
+    damaged = {file: whole[:200] + bytes([whole[200] ^ 1]) + whole[201:] for file, whole in before.items()}
+    for file, name in zip(before, names, strict=True):
+        file.write_bytes(damaged[file])
         done = command("verify", "there")
         assert (done.code, done.out) == (3, f"there: {name}.parquet: damaged\n")
-        done = command(*words)
-        assert done.code == 0
-        assert f"{Path(name).name}.parquet: damaged, and made anew" in done.err
-        assert command("verify", "there").code == 0
-        assert name.startswith("seconds") or file.read_bytes() == before
-    with locked(folder / "there"):
-        done = command(*words)
+        file.write_bytes(before[file])
+    for file in before:
+        file.write_bytes(damaged[file])
+    done = command(*WORDS)
+    assert done.code == 0
+    for file, whole in before.items():
+        assert f"{file.name}: damaged, and made anew" in done.err
+        assert file.parent.name == "seconds" or file.read_bytes() == whole
+    assert command("verify", "there").code == 0
+    with locked(there):
+        done = command(*WORDS)
     assert done.code == 2
     assert "there: a run goes on here: process " in done.err
 
 
-def test_another_prior_is_refused_and_what_is_there_stays(command: Command, folder: Path) -> None:
-    words = ("multiverse", "tiny", "n=128", "decide=0", "search=0", "workers=1", "--config-dir", "conf")
-    assert command(*words).code == 0
-    before = sorted((folder / "outputs/multiverse/tiny").glob("*.parquet"))
-    done = command(*words, "seed=1")
+def test_another_prior_is_refused_and_what_is_there_stays(command: Command, there: Path) -> None:
+    before = sorted(there.glob("*.parquet"))
+    done = command(*WORDS, "seed=1")
     assert done.code == 2
     assert "was begun with other seed" in done.err
-    assert sorted((folder / "outputs/multiverse/tiny").glob("*.parquet")) == before
+    assert sorted(there.glob("*.parquet")) == before
 
 
-def test_a_damaged_prior_is_found_and_named_and_what_is_there_stays(command: Command, folder: Path) -> None:
-    words = ("multiverse", "tiny", "n=128", "decide=0", "search=0", "workers=0", "--config-dir", "conf")
-    assert command(*words).code == 0
-    there = folder / "outputs/multiverse/tiny"
+def test_a_damaged_prior_is_found_and_named_and_what_is_there_stays(command: Command, there: Path) -> None:
     assert command("verify", str(there)).code == 0
     prior, kept = there / "prior.json", sorted(there.glob("*.parquet"))
     for text in ("", "[]", "[" * 100000, prior.read_text().replace("0.1", "0.2", 1)):
         prior.write_text(text)
-        done = command(*words)
+        done = command(*WORDS)
         assert (done.code, done.err.count("\n")) == (2, 1)
         assert "prior.json: damaged" in done.err
         assert sorted(there.glob("*.parquet")) == kept

@@ -156,7 +156,7 @@ def test_whatever_ends_or_holds_a_process_costs_its_episode(own: Path, how: str,
 
 
 def test_what_was_killed_from_outside_is_no_row_and_is_run_later(own: Path, command: Command) -> None:
-    words = [*WORDS, "--config-dir", str(own / "conf"), "hydra.run.dir=results"]
+    words = [*WORDS, "--config-dir", str(own / "conf"), "hydra.run.dir=results", "workers=1"]
     done = command(*words, "controller.build.how=killed")
     assert done.code == 3
     assert done.err == "navbench: machine_error: its process died of SIGKILL; nothing is kept\n"

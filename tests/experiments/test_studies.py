@@ -36,8 +36,8 @@ def parts_of(path: Path) -> dict[str, bytes]:
     return {str(file.relative_to(path)): file.read_bytes() for file in files}
 
 
-def study(folder: Path, *words: str) -> subprocess.Popen[str]:
-    command = [NAVBENCH, "study", "smoke", *words]
+def study(folder: Path, *words: str, name: str = "smoke") -> subprocess.Popen[str]:
+    command = [NAVBENCH, "study", name, *words]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, cwd=folder, text=True, stdout=pipe, stderr=pipe, start_new_session=True)
 
@@ -92,15 +92,18 @@ def _alive(group: int) -> bool:
 
 
 def test_an_interrupt_ends_a_study_and_says_how_to_go_on(tmp_path: Path) -> None:
-    run = study(tmp_path, "workers=2")
-    while not list((tmp_path / "outputs").rglob("evaluations/part-*")):  # the cells are quick: it is soon over then
+    text = (Path(__file__).parents[2] / "conf/study/smoke.yaml").read_text()
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/longer.yaml").write_text(text.replace("episodes: 60", "episodes: 3000"))
+    run = study(tmp_path, "workers=2", "--config-dir", ".", name="longer")
+    while not list((tmp_path / "outputs").rglob("evaluations/part-*")):
         time.sleep(0.005)
         assert run.poll() is None
     run.send_signal(signal.SIGINT)
     _, err = run.communicate(timeout=60)
     assert run.returncode == 130
     assert "Traceback" not in err
-    assert "this goes on from there: navbench study smoke workers=2" in err
+    assert "this goes on from there: navbench study longer workers=2 --config-dir ." in err
 
 
 def test_finished_parts_are_not_run_again_and_others_are_removed_only_where_that_is_asked_for(tmp_path: Path) -> None:

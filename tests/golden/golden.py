@@ -71,7 +71,7 @@ def _cell(words: str, folder: Path) -> dict[str, Any]:
 
     import navbench
 
-    ran = navbench.run(*words.split(), "workers=1")
+    ran = navbench.run(*words.split(), "workers=0")
     folder = ran.path
     rows = {}
     episodes = [
@@ -106,7 +106,7 @@ def _tuning(words: str, folder: Path) -> dict[str, Any]:
     from navbench.cli import main as cli
 
     engine = ["simulator=pybullet", "verify=null"]
-    argv, sys.argv = sys.argv, ["navbench", "tune", *words.split(), *engine, "workers=1", f"hydra.run.dir={folder}"]
+    argv, sys.argv = sys.argv, ["navbench", "tune", *words.split(), *engine, "workers=0", f"hydra.run.dir={folder}"]
     sys.stdout.flush()
     out = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -99,6 +99,23 @@ def test_claims_are_counted_by_study_and_by_evidence(joined: Path) -> None:
     assert ["fitted", "0", "0", "0", "0", "0"] in rows
 
 
+def test_claims_that_fare_otherwise_in_the_planar_simulator_stand_in_one_list(joined: Path) -> None:
+    assert "planar" not in write_joined(joined).read_text()
+    planar = read_claims(joined / "one1999/claims.csv")
+    other = planar["id"] == "off"
+    planar["verdict"], planar["measured"] = (
+        planar["verdict"].mask(other, "partly"),
+        planar["measured"].mask(other, 18.2),
+    )
+    (joined / "one1999/planar").mkdir()
+    planar.to_csv(joined / "one1999/planar/claims.csv", index=False)
+    rows = rows_of(write_joined(joined).read_text(), "With every cell in the planar simulator")
+    assert ["one1999", "4", "3", "1"] in rows
+    assert [row[:2] + row[3:] for row in rows if len(row) == 6][1:] == [
+        ["one1999", "off", "20 s", "not reproduced: 10", "partly: 18.2"]
+    ]
+
+
 def test_every_claim_that_was_not_reproduced_stands_in_one_list(joined: Path) -> None:
     rows = rows_of(write_joined(joined).read_text(), "What was not reproduced")[1:]
     assert [row[:2] for row in rows] == [["one1999", "off"], ["one1999", "off-absolute"], ["one1999", "said"]]
