@@ -12,7 +12,7 @@ from navbench.experiments.engines import Engine, Work, run
 from navbench.experiments.workers import Death
 
 SWEEP = (
-    *("-m", "controller=sflc,pid", "world=deadlock", "world.time_limit_s=0.5", "simulator=planar", "episodes=30"),
+    *("-m", "controller=sflc,pid", "world=deadlock", "world.time_limit_s=0.5", "simulator=planar", "episodes=10"),
     *("start_jitter_m=0.01", "workers=2"),
 )
 

@@ -25,7 +25,10 @@ def test_deaths_and_errors_are_those_of_the_task_on_dask() -> None:
     check_deaths_and_errors(HERE)
 
 
-def test_a_scheduler_that_does_not_answer_is_told_in_one_line(command: Command, tmp_path: Path) -> None:
+def test_a_scheduler_that_does_not_answer_is_told_in_one_line(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navbench.experiments.clusters.dask.REACHED_S", 1.0)
     words = ("controller=sflc", "engine=dask", "engine.address=tcp://127.0.0.1:1", "hydra.run.dir=here")
     done = command(*words)
     assert (done.code, done.out) == (2, "")

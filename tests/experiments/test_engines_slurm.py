@@ -14,8 +14,9 @@ from navbench.experiments.clusters.slurm import Slurm  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def _here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run jobs on this machine, also where there is an sbatch that may lead to a cluster."""
+    """Run jobs on this machine, also where there is an sbatch that may lead to a cluster, and look at them often."""
     monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr("navbench.experiments.clusters.slurm.LOOK_S", 1.0)
 
 
 def slurm(folder: Path) -> Slurm:
