@@ -5,7 +5,7 @@ A controller offers one by deriving from ``CompiledController`` and writing ``ma
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -61,7 +61,7 @@ class Policy:
 
     def begun(self) -> "Policy":
         """Return the policy for one more episode, with a state and a trace of its own."""
-        return replace(self, state=self.state.copy())
+        return Policy(step=self.step, state=self.state.copy(), parameters=self.parameters, trace_names=self.trace_names)
 
 
 @cache

@@ -29,7 +29,7 @@ import numpy as np
 from navbench.contract import FloatArray, Setup
 from navbench.fuzzy.describing import Columns, columns, membership_corners
 from navbench.fuzzy.inference import FuzzyInference, infer_and_fire
-from navbench.policy import CompiledController, Policy, compiled, pack, part
+from navbench.policy import CompiledController, Policy, compiled, pack, part, scratch
 from navbench.validation import Flag, Positive, checked, describe, remembered
 
 from .danger import ASIDE, add_danger, azimuth, danger_controller, sector
@@ -37,7 +37,7 @@ from .hits import by_bearing, scan
 from .rules import BEHAVIORS, Variant, rule_base, started, strongest_of_each
 from .sets import FuzzySets, velocity_controller
 
-OUTLINE, POINTS, OBSTACLES, FACTORS, SITUATION, STRENGTHS = range(6)  # parts of the state
+OUTLINE, POINTS, OBSTACLES = range(3)  # parts of the state
 MOUNTS, REACH, THRESHOLDS, BEHAVIOR, DDCFC, VFC = range(6)  # of the parameters
 TRACE = (
     "lddc",
@@ -71,11 +71,11 @@ def step(
     """
     thresholds, ddcfc, vfc = part(parameters, THRESHOLDS), part(parameters, DDCFC), part(parameters, VFC)
     outline, points = part(state, OUTLINE).reshape(-1, 4), part(state, POINTS).reshape(-1, 2)
-    obstacles, factors = part(state, OBSTACLES).reshape(-1, 5), part(state, FACTORS)
+    obstacles, behaviors = part(state, OBSTACLES).reshape(-1, 5), part(parameters, BEHAVIOR)
     mounts, reach_m = part(parameters, MOUNTS).reshape(-1, 6), part(parameters, REACH)[0]
     front_rad, side_rad, period_s = thresholds[3], thresholds[4], thresholds[1]
     hits = scan(mounts, ranges_m, pose, front_rad, side_rad, period_s, reach_m, outline, points, obstacles)
-    situation, strengths = part(state, SITUATION), part(state, STRENGTHS)
+    situation, factors, fired = scratch((4,)), scratch((3,)), scratch((behaviors.size, 2))
     dangers, (x, y, psi) = situation[1:], pose
     dangers[:] = 0.0
     vx, vy = speed[0] * math.cos(psi), speed[0] * math.sin(psi)
@@ -89,9 +89,10 @@ def step(
             add_danger(dangers, where, ddcfc, thresholds, way, discs[k, 2], relative, factors)
     situation[0] = azimuth(psi, math.atan2(goal[1] - y, goal[0] - x))
     trace[:3], trace[3] = dangers, situation[0]
-    if infer_and_fire(vfc, situation, trace[8:], strengths) >= 0:
+    rules = infer_and_fire(vfc, situation, trace[8:], fired)
+    if rules < 0:
         return math.nan, math.nan
-    trace[4] = strongest_of_each(strengths, part(parameters, BEHAVIOR), trace[5:8])
+    trace[4] = strongest_of_each(fired[:rules], behaviors, trace[5:8])
     return trace[8], -trace[9] if thresholds[6] > 0.0 else trace[9]  # psi' = -w, see lei2014
 
 
@@ -147,7 +148,7 @@ class DualLayer(CompiledController):
         mounts, period_s = by_bearing(setup.sensors), setup.period_s
         thresholds = (setup.robot.radius_m, period_s, *self._thresholds)
         reach_m, behaviors = self._obstacle_speed_max_mps * period_s, [BEHAVIORS.index(r.behavior) for r in self.rules]
-        room = [np.zeros(size) for size in (2 * len(mounts), 5 * len(mounts), 3, 4, len(behaviors))]
+        room = [np.zeros(size) for size in (2 * len(mounts), 5 * len(mounts))]
         parameters = pack(mounts, reach_m, thresholds, behaviors, self.ddcfc.base, self.vfc.base)
         state = pack(np.full((len(mounts), 4), np.nan), *room)
         return Policy(step=step, state=state, parameters=parameters, trace_names=TRACE)

@@ -98,10 +98,10 @@ def join(points: FloatArray, outline: FloatArray) -> None:
 
     Args:
         points: (n, 2) x and y [m], x nan where there is none.
-        outline: (n, 4) x and y of each point, and the way to its neighbour, 0 without one; then nan [m]; is written.
+        outline: (n, 4) x and y of each point, and the way to its neighbour, 0 without one [m], then a row that begins
+            with nan; is written.
     """
     count = 0
-    outline[:, 0] = math.nan
     for i in range(points.shape[0]):
         if not math.isnan(points[i, 0]):
             ux, uy = 0.0, 0.0
@@ -110,6 +110,8 @@ def join(points: FloatArray, outline: FloatArray) -> None:
             outline[count, 0], outline[count, 1] = points[i, 0], points[i, 1]
             outline[count, 2], outline[count, 3] = ux, uy
             count += 1
+    if count < outline.shape[0]:
+        outline[count, 0] = math.nan
 
 
 def by_bearing(sensors: tuple[RangeSensor, ...]) -> FloatArray:

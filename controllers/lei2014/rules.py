@@ -166,19 +166,18 @@ def rule_base(variant: Variant) -> tuple[Rule, ...]:
 
 
 @compiled
-def strongest_of_each(strengths: FloatArray, behaviors: FloatArray, strongest: FloatArray) -> int:
+def strongest_of_each(fired: FloatArray, behaviors: FloatArray, strongest: FloatArray) -> int:
     """Write how strong each behaviour's strongest rule is, and return the strongest; of equal ones that with priority.
 
     Args:
-        strengths: (81,) of the rules.
+        fired: (n, 2) number and strength of each rule that fires.
         behaviors: (81,) whose rule each is, by its number in ``BEHAVIORS``.
         strongest: (3,) is written.
     """
     strongest[:] = 0.0
-    for i in range(strengths.size):
-        if strengths[i] > 0.0:
-            own = int(behaviors[i])
-            strongest[own] = max(strongest[own], strengths[i])
+    for k in range(fired.shape[0]):
+        own = int(behaviors[int(fired[k, 0])])
+        strongest[own] = max(strongest[own], fired[k, 1])
     return strongest.size - 1 - int(np.argmax(strongest[::-1]))
 
 

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import Any, NamedTuple
 
 from navbench.episode.isolation import let_interrupt
-from navbench.metrics import MetricFunction, RobotRun, declared
+from navbench.metrics import MetricFunction, RobotRun
 from navbench.raised import REASON_MAX, first_line, is_framework, one_line, shortened, storable
 
 FRAMES_MAX = 20  # of a traceback, the innermost
@@ -85,15 +85,16 @@ def measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str
     """Return each metric's value by its name, nan where it could not be computed, and why."""
     values: dict[str, float] = {}
     faults = []
-    for function, metric in zip(metrics, declared(metrics), strict=True):
+    for function in metrics:
+        name = function.__dict__["metric"].name
         try:
             value = function(run)
             if not isinstance(value, int | float | Real):
                 raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
-            values[metric.name] = value if type(value) is int else float(value)
+            values[name] = value if type(value) is int else float(value)
         except BaseException as error:  # a user's code may raise anything; it costs this value, no more
             let_interrupt(error)
             fault = failure(error, function)
-            values[metric.name] = math.nan
-            faults.append(fault._replace(reason=f"metric {metric.name}: {fault.reason}"))
+            values[name] = math.nan
+            faults.append(fault._replace(reason=f"metric {name}: {fault.reason}"))
     return values, faults

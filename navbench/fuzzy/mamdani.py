@@ -169,8 +169,60 @@ def slot_count(base: FloatArray) -> int:
 
 
 @compiled
-def _infer(base: FloatArray, values: FloatArray, fired: FloatArray, out: FloatArray) -> int:
-    """Write the crisp outputs, and what fires, as ``_fire`` does and returns it."""
+def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
+    """Write how strongly each rule fires for the crisp inputs, callable from compiled code.
+
+    Args:
+        base: ``FuzzyInference.base``.
+        values: (n_inputs,) inputs, as ``infer`` takes them.
+        strengths: (n_rules,) is written, unless an input is unusable.
+
+    Returns:
+        The number of the first unusable input, else -1.
+    """
+    rules = rule_count(base)
+    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
+    count = _fire(base, values, scratch((slot_count(base),)), fired)
+    if count < 0:
+        return -1 - count
+    strengths[:] = 0.0
+    for k in range(count):
+        strengths[int(fired[k, 0])] = fired[k, 1]
+    return -1
+
+
+@compiled
+def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
+    """Write the crisp outputs for the crisp inputs: the whole inference, callable from compiled code.
+
+    Args:
+        base: ``FuzzyInference.base``.
+        values: (n_inputs,) inputs; outside its range one saturates to the nearer end, or wraps if it is circular.
+        out: (n_outputs,) is written; all NaN if an input is unusable.
+
+    Returns:
+        The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
+    """
+    rules = rule_count(base)
+    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
+    count = infer_and_fire(base, values, out, fired)
+    return -1 if count >= 0 else -1 - count
+
+
+@compiled
+def infer_and_fire(base: FloatArray, values: FloatArray, out: FloatArray, fired: FloatArray) -> int:
+    """Do what ``infer`` does, and write which rules fire.
+
+    Args:
+        base: as for ``infer``.
+        values: as for ``infer``.
+        out: as for ``infer``.
+        fired: (n_rules, 2) of each rule that fires its number and strength, in the order of their numbers; the first
+            rows are written.
+
+    Returns:
+        How many rules fire; of an unusable input -1 less its number.
+    """
     slots = scratch((slot_count(base),))
     count = _fire(base, values, slots, fired)
     for o in range(int(base[OUTPUTS + 1] - base[OUTPUTS]) // 3):
@@ -191,67 +243,3 @@ def _infer(base: FloatArray, values: FloatArray, fired: FloatArray, out: FloatAr
         if math.isnan(out[o]) and count >= 0:
             out[o] = base[at + 2]
     return count
-
-
-@compiled
-def _tell(count: int, fired: FloatArray, strengths: FloatArray) -> int:
-    """Write the strength of each rule, and return the number of the first unusable input, else -1."""
-    if count < 0:
-        return -1 - count
-    strengths[:] = 0.0
-    for k in range(count):
-        strengths[int(fired[k, 0])] = fired[k, 1]
-    return -1
-
-
-@compiled
-def fire(base: FloatArray, values: FloatArray, strengths: FloatArray) -> int:
-    """Write how strongly each rule fires for the crisp inputs, callable from compiled code.
-
-    Args:
-        base: ``FuzzyInference.base``.
-        values: (n_inputs,) inputs, as ``infer`` takes them.
-        strengths: (n_rules,) is written, unless an input is unusable.
-
-    Returns:
-        The number of the first unusable input, else -1.
-    """
-    rules = rule_count(base)
-    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
-    return _tell(_fire(base, values, scratch((slot_count(base),)), fired), fired, strengths)
-
-
-@compiled
-def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
-    """Write the crisp outputs for the crisp inputs: the whole inference, callable from compiled code.
-
-    Args:
-        base: ``FuzzyInference.base``.
-        values: (n_inputs,) inputs; outside its range one saturates to the nearer end, or wraps if it is circular.
-        out: (n_outputs,) is written; all NaN if an input is unusable.
-
-    Returns:
-        The number of the first unusable input (NaN, or infinite on a circular variable), else -1.
-    """
-    rules = rule_count(base)
-    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
-    count = _infer(base, values, fired, out)
-    return -1 if count >= 0 else -1 - count
-
-
-@compiled
-def infer_and_fire(base: FloatArray, values: FloatArray, out: FloatArray, strengths: FloatArray) -> int:
-    """Do what ``infer`` does, and write how strongly each rule fires.
-
-    Args:
-        base: as for ``infer``.
-        values: as for ``infer``.
-        out: as for ``infer``.
-        strengths: (n_rules,) is written, unless an input is unusable.
-
-    Returns:
-        As ``infer``.
-    """
-    rules = rule_count(base)
-    fired = scratch((rules, 2)) if rules <= SMALL else np.empty((rules, 2))
-    return _tell(_infer(base, values, fired, out), fired, strengths)

@@ -200,7 +200,7 @@ class Simulator(ABC):
     @property
     def touching(self) -> list[bool]:
         """Whether each robot touches something that it hit."""
-        return list(map(bool, self._touches.tolist()))
+        return [touches != 0 for touches in self._touches.tolist()]
 
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m].
@@ -278,7 +278,7 @@ class Simulator(ABC):
 
     def end(self, index: int) -> Event:
         """Return how one robot ended."""
-        robot = self.states()[index]
+        robot = RobotState(*self.robots[index].item())
         if robot.outcome == COLLIDED:
             return Event(index, "collided", self._thing(robot.hit, robot.hit_index), robot.end_s)
         return Event(index, "reached", None, robot.end_s)

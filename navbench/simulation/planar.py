@@ -55,8 +55,12 @@ class PlanarSimulator(Simulator):
     def period(self, t_s: float, dt_s: float) -> tuple[list[Event], FloatArray]:
         """Move everything and read the rings, in one call: to hand over the arrays takes longer than the work."""
         self.reserve(dt_s)
-        ranges = self._unobstructed.copy()
-        return self._ended(self._move_and_read(*self._moving(), t_s, dt_s, *self._ring(ranges)), dt_s), ranges
+        rays, ranges = self.rays, self._unobstructed.copy()
+        running = self._move_and_read(
+            self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s,
+            rays.table, rays.reach_m, self.robot.radius_m, self.beams, ranges,
+        )  # fmt: skip
+        return self._ended(running, dt_s), ranges
 
     def _ring(self, ranges: FloatArray) -> tuple[Any, ...]:
         return self.rays.table, self.rays.reach_m, self.robot.radius_m, self.beams, ranges
