@@ -59,6 +59,13 @@ options
 exit code: 0 if every planned episode has its row and every part of a report is there, 3 if not, 2 for wrong input,
            130 when interrupted
 """
+MEANT = {  # words of other tools
+    **dict.fromkeys(("plot", "draw", "view"), "show"),
+    **dict.fromkeys(("play", "animate", "video"), "replay"),
+    **dict.fromkeys(("train", "optimize", "optimise"), "tune"),
+    **dict.fromkeys(("init", "create", "make"), "new"),
+    **{"test": "check", "validate": "check", "ls": "list", "info": "doctor", "compare": "report"},
+}
 VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show", "replay", "new", "check", "doctor")
 
 
@@ -108,7 +115,9 @@ def _command(arguments: list[str]) -> int:
 
         if arguments[1:] and arguments[1].startswith("="):
             return complain(f"{' '.join(arguments[:3])}: cannot be read; a word is key=value without spaces")
-        return complain(f"{first}: unknown verb; {instead(first, VERBS)}, or keys of a run as key=value")
+        return complain(
+            f"{first}: unknown verb; {instead(MEANT.get(first, first), VERBS)}, or keys of a run as key=value"
+        )
     return 0
 
 

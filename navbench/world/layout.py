@@ -136,7 +136,7 @@ class Layout:
             if segment_crossing(start.x_m, start.y_m, goal.x_m, goal.y_m, ends) < 0.0 or beyond < GOAL_BEYOND_LINE_M:
                 raise DescriptionError(
                     f"goals[{i}]: must lie at least {GOAL_BEYOND_LINE_M:g} m beyond the finish line, seen from "
-                    f"starts[{i}]; it lies {beyond:.3g} m from it"
+                    f"starts[{i}]; it lies {round(beyond, 6):g} m from it"
                 )
 
     def draw(self, rng: np.random.Generator, episode: int) -> "Layout":
@@ -167,8 +167,8 @@ class Layout:
             away = self._away(goal, *still)
             if away + goal_tolerance_m < radius_m:
                 raise ImpossibleError(
-                    f"goals[{i}]: ({goal.x_m}, {goal.y_m}) lies {away:.3g} m from an obstacle, where a robot of radius "
-                    f"{radius_m} m cannot come nearer to it than goal_tolerance_m={goal_tolerance_m}"
+                    f"goals[{i}]: ({goal.x_m}, {goal.y_m}) lies {round(away, 6):g} m from an obstacle, where a robot "
+                    f"of radius {radius_m} m cannot come nearer to it than goal_tolerance_m={goal_tolerance_m}"
                 )
 
     def _away(self, place: Start | Point, boxes: FloatArray, discs: FloatArray, polygons: FloatArray) -> float:

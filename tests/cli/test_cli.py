@@ -187,6 +187,7 @@ WRONG = [
     ((*GO, "hydra.run.dir=new/${nope}"), "hydra.run.dir", "'nope' not found"),
     ((*GO, "hydra.run.dir=/proc/nope"), "/proc/nope: No such file"),
     (("lst",), "lst: unknown verb; did you mean list? "),
+    (("plot", "results"), "plot: unknown verb; did you mean show? "),
     (("list", "wrld"), "list wrld: unknown group; did you mean world? "),
     (("study", "aouf2018"), "did you mean aouf2019? "),
     (("world", "=", "empty"), "world = empty: cannot be read; a word is key=value without spaces"),
