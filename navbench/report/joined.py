@@ -237,8 +237,10 @@ def _in_planar(studies: Sequence[Found]) -> list[Block]:
     for study in (study for study in studies if len(study.planar)):
         both = study.claims.merge(study.planar, on="id", suffixes=("", "_planar"))
         other = both[both["verdict"] != both["verdict_planar"]]
+        away = (both["measured_planar"] - both["measured"]).abs() / both["measured"].abs()
         equal = (both["measured"] == both["measured_planar"]) | both["measured"].isna() & both["measured_planar"].isna()
-        counted.append([study.name, str(len(both)), str(int(equal.sum())), str(len(other))])
+        most = f"{100.0 * away[~equal].max():.2g} %" if not equal.all() else "0"
+        counted.append([study.name, str(len(both)), str(int(equal.sum())), most, str(len(other))])
         for claim in other.to_dict("records"):
             planar = {column: claim[f"{column}_planar"] for column in COLUMNS if column != "id"}
             found = [f"{plain(one['verdict'])}: {measured_figure(one)}" for one in (claim, planar)]
@@ -252,7 +254,7 @@ def _in_planar(studies: Sequence[Found]) -> list[Block]:
     blocks: list[Block] = [
         Heading("With every cell in the planar simulator"),
         Paragraph(text),
-        _table(["study", "claims", "same figure", "other verdict"], counted),
+        _table(["study", "claims", "same figure to the last bit", "largest difference", "other verdict"], counted),
     ]
     heads = ["study", "id", "statement", "printed", "as reported", "in planar"]
     return [*blocks, _table(heads, rows) if rows else Paragraph("No verdict differs.")]

@@ -110,7 +110,7 @@ def test_claims_that_fare_otherwise_in_the_planar_simulator_stand_in_one_list(jo
     (joined / "one1999/planar").mkdir()
     planar.to_csv(joined / "one1999/planar/claims.csv", index=False)
     rows = rows_of(write_joined(joined).read_text(), "With every cell in the planar simulator")
-    assert ["one1999", "4", "3", "1"] in rows
+    assert ["one1999", "4", "3", "82 %", "1"] in rows
     assert [row[:2] + row[3:] for row in rows if len(row) == 6][1:] == [
         ["one1999", "off", "20 s", "not reproduced: 10", "partly: 18.2"]
     ]
