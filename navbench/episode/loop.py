@@ -1,8 +1,8 @@
 """One episode: the closed loop of all robots of a world, from their starts until each has an outcome."""
 
 import math
-import time
 from collections.abc import Callable, Sequence
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -324,9 +324,9 @@ class EpisodeRunner:
         if self._keep_ranges:
             pilot.ranges.append(observation.ranges_m[np.newaxis] * self._similarity.length)
         try:
-            begin = time.perf_counter()
+            begin_s = perf_counter()
             command = pilot.controller.act(observation)
-            pilot.latencies_s.append(time.perf_counter() - begin)
+            pilot.latencies_s.append(perf_counter() - begin_s)
             self._apart.check()
             v, w = velocities(command)
             pilot.keep_trace()

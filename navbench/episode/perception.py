@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +42,7 @@ def _frozen(array: FloatArray) -> FloatArray:
     return np.ndarray(array.shape, buffer=array.tobytes())
 
 
+_observed = partial(tuple.__new__, Observation)  # of all its values, in a third of the time that it takes by itself
 _NO_SCALE = _frozen(np.ones(2))
 _NO_DISCS = _frozen(np.empty((0, 5)))
 
@@ -179,7 +180,8 @@ class Perception:
         """
         senses = self._senses
         if senses.is_exact and discs is None:
-            return Observation(t_s, true_pose, self.goal, *true_speed, _frozen(ranges_m), touching, _NO_DISCS)
+            v, w = true_speed
+            return _observed((t_s, true_pose, self.goal, v, w, _frozen(ranges_m), touching, _NO_DISCS))
         errors = self.draw(1, 0 if discs is None else len(discs)) if senses.errs else _NO_ERRORS
         if not self.drifts:
             self.believed[:] = *true_pose, *true_speed

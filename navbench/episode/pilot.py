@@ -46,6 +46,8 @@ class Pilot:
             self.trace_names = self.controller.policy.trace_names
             self.traces.append(self.controller.policy.trace.tobytes())
             return
+        if self.trace_names == () and not hasattr(self.controller, "trace"):
+            return
         trace = trace_of(self.controller)
         if not trace and type(trace) is dict and not self.trace_names:
             self.trace_names = ()
