@@ -5,6 +5,7 @@ import os
 import random
 import signal
 from functools import cache
+from os import getpid
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ class Isolation:
 
     def __init__(self, step_s: float | None) -> None:
         self.timeout = Timeout(step_s)
-        self._process, self._forks, self._folder = os.getpid(), _forks, os.getcwd()
+        self._process, self._folder = getpid(), os.getcwd()
 
     def begin(self, name: tuple[int, str, int, int]) -> None:
         """Begin a robot's episode where this was made, with Python's and numpy's global generators seeded.
@@ -50,25 +51,8 @@ class Isolation:
 
     def check(self) -> None:
         """End this process if it is a fork of a controller's, which would go on with the episode a second time."""
-        if _forks != self._forks:
+        if getpid() != self._process:
             os._exit(0)
-
-    def check_process(self) -> None:
-        """Do the same in ten times the time for a fork that Python did not see."""
-        if os.getpid() != self._process:
-            os._exit(0)
-
-
-_forks = 0  # which led to this process
-
-
-def _count_fork() -> None:
-    global _forks
-    _forks += 1
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_count_fork)
 
 
 @cache

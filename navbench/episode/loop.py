@@ -149,7 +149,6 @@ class EpisodeRunner:
                 self._drive(pilots)
         else:
             self._drive(pilots)
-        self._apart.check_process()
         return [self.record(i, pilot) for i, pilot in enumerate(pilots)]
 
     def draw(self, episode: int) -> Drawn:

@@ -137,9 +137,8 @@ class Perception:
             }
             self._streams = {kind: stream(seed, world, episode, kind, index) for kind, errs in kinds.items() if errs}
         if self.drifts:
-            self.wheel_scale = _NO_SCALE + sensors.odometry.wheel_scale_std * self._streams["odometry"].standard_normal(
-                2
-            )
+            errors = self._streams["odometry"].standard_normal(2)
+            self.wheel_scale = _NO_SCALE + sensors.odometry.wheel_scale_std * errors
         self.believed = np.array([*start, 0.0, 0.0])
 
     def draw(self, periods: int, discs: int) -> Errors:

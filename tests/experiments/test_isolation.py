@@ -13,7 +13,7 @@ from navbench.experiments.plan import Plan
 from navbench.experiments.running import Ran, run_plan
 
 CODE = """
-import asyncio, math, os, random, signal, subprocess, time
+import asyncio, ctypes, math, os, random, signal, subprocess, time
 import numba
 import numpy as np
 from navbench.metrics import metric
@@ -52,6 +52,7 @@ def fail(how):
     if how == "killed": os.kill(os.getpid(), signal.SIGKILL)
     if how == "spins in C": math.factorial(10**8)
     if how == "forks": os.fork()
+    if how == "forks unseen": ctypes.CDLL(None).fork()
 
 
 @metric("chance", "", "", "what a metric draws itself")
@@ -77,7 +78,7 @@ class Mine:
     def act(self, o):
         if self.doomed and self.where == "act": fail(self.how)
         if self.how == "writes": o.ranges_m[0] = 0.0
-        if self.how == "forks": fail("forks")
+        if "forks" in self.how: fail(self.how)
         return 0.1 + 0.1 * self.gain, 0.0
 
     @property
@@ -215,8 +216,9 @@ def test_an_observation_cannot_be_written_to_and_leads_to_no_other(own: Path) ->
     assert reason.startswith("ValueError: assignment destination is read-only" + PLACE)
 
 
-def test_a_fork_does_not_go_on_with_the_episode(own: Path) -> None:
-    ran = run_it(own, "forks", "metrics=[misbehaving.noted]", where="every act")
+@pytest.mark.parametrize("how", ["forks", "forks unseen"])  # by Python
+def test_a_fork_does_not_go_on_with_the_episode(own: Path, how: str) -> None:
+    ran = run_it(own, how, "metrics=[misbehaving.noted]", where="every act")
     assert set(ran.results.episodes()["outcome"]) == {"timed_out"}
     assert len((own / "noted").read_text().splitlines()) == 4  # once an episode
 
