@@ -1,5 +1,6 @@
 """Isolation: whatever a controller does costs its own episodes, with a reason, and the rest is as if it were not."""
 
+import os
 import random
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from commands import Command
 
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
+from navbench.episode.isolation import WIPE_ON_FORK, Isolation
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import Ran, run_plan
 
@@ -221,6 +223,17 @@ def test_a_fork_does_not_go_on_with_the_episode(own: Path, how: str) -> None:
     ran = run_it(own, how, "metrics=[misbehaving.noted]", where="every act")
     assert set(ran.results.episodes()["outcome"]) == {"timed_out"}
     assert len((own / "noted").read_text().splitlines()) == 4  # once an episode
+
+
+@pytest.mark.parametrize("advice", [WIPE_ON_FORK, 9999])  # that systems know, or not
+def test_a_fork_ends_also_where_the_system_empties_no_page(monkeypatch: pytest.MonkeyPatch, advice: int) -> None:
+    monkeypatch.setattr("navbench.episode.isolation.WIPE_ON_FORK", advice)
+    apart = Isolation(None)
+    apart.check()
+    if not (fork := os.fork()):
+        apart.check()
+        os._exit(7)
+    assert os.waitpid(fork, 0)[1] == 0
 
 
 TUNED = (
