@@ -1,7 +1,7 @@
 """What only the claims about lei2014 measure: what its controller starts when, its surfaces, its fleets' clearance."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -67,7 +67,7 @@ def share_mainly_while(
     endangered: bool,
     select: Select,
 ) -> Estimate | None:
-    """Return the share of robots that, while in danger or while not, are in some states in most control periods.
+    """Return the share of episodes whose robots, while in danger or not, are in some states in most control periods.
 
     Args:
         stored: the study's results.
@@ -78,13 +78,13 @@ def share_mainly_while(
         endangered: whether the periods in danger count, or the others; robots without any are left out.
         select: which cells.
     """
-    held = []
-    for trajectory in trajectories_of(stored, select):
+
+    def mainly(trajectory: "pd.DataFrame") -> bool | None:
         periods = trajectory.iloc[:-1]
         counted = (periods[list(danger)].max(axis=1) >= level) == endangered
-        if counted.any():
-            held.append(bool(periods[column][counted].isin(states).mean() > 0.5))
-    return share_of(held)
+        return bool(periods[column][counted].isin(states).mean() > 0.5) if counted.any() else None
+
+    return _share_of_episodes(stored, select, mainly)
 
 
 def share_of_time(stored: StoredResults, column: str, states: Sequence[float], select: Select) -> Estimate | None:
@@ -106,7 +106,7 @@ def share_of_time(stored: StoredResults, column: str, states: Sequence[float], s
 def share_mainly(
     stored: StoredResults, column: str, states: Sequence[float], begin_s: float, end_s: float, select: Select
 ) -> Estimate | None:
-    """Return the share of robots that spend more time in each of some states than in any other one.
+    """Return the share of episodes whose robots spend more time in each of some states than in any other one.
 
     Args:
         stored: the study's results.
@@ -116,13 +116,29 @@ def share_mainly(
         end_s: and that begin before this one [s]; robots that have ended before ``begin_s`` are left out.
         select: which cells.
     """
-    held = []
-    for trajectory in trajectories_of(stored, select):
+
+    def mainly(trajectory: "pd.DataFrame") -> bool | None:
         times = _times(trajectory, column, begin_s, end_s)
-        if times:
-            most_else = max((time for state, time in times.items() if state not in states), default=0.0)
-            held.append(all(times.get(state, 0.0) > most_else for state in states))
-    return share_of(held)
+        most_else = max((time for state, time in times.items() if state not in states), default=0.0)
+        return all(times.get(state, 0.0) > most_else for state in states) if times else None
+
+    return _share_of_episodes(stored, select, mainly)
+
+
+def _share_of_episodes(
+    stored: StoredResults, select: Select, holds: Callable[["pd.DataFrame"], bool | None]
+) -> Estimate | None:
+    """Return the share of episodes in which something holds for all robots of which it can be asked (not None).
+
+    Robots that meet are one case, not several.
+    """
+    held: dict[tuple[str, int], bool] = {}
+    for record in records_of(stored.cases(**select)):
+        found = holds(stored.trajectory(record))
+        if found is not None:
+            case = record["run_id"], record["episode"]
+            held[case] = held.get(case, True) and found
+    return share_of(list(held.values()))
 
 
 def share_longer_in(

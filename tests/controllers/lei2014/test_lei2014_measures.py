@@ -131,6 +131,16 @@ def test_mainly_means_more_than_any_other_state(
     assert (found.value, found.n) == (share, n)
 
 
+@pytest.mark.parametrize(("states", "share"), [([0.0], 1.0), ([0.0, 1.0], 0.0)])
+def test_robots_that_meet_are_one_case_which_holds_if_it_holds_for_all(
+    tmp_path: Path, states: list[float], share: float
+) -> None:
+    robots = [a_trajectory([0.0, 0.0, 1.0, 1.0, 0.0]), a_trajectory([0.0, 0.0, 2.0])._replace(robot_index=1)]
+    stored = store(tmp_path, [(a_cell("A"), [robots])])
+    found = share_mainly(stored, "state", states, 0.0, 100.0, {"label": "A"})
+    assert found == pytest.approx((share, math.nan, math.nan, 1), nan_ok=True)
+
+
 def test_as_much_time_as_another_state_is_not_mainly(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, A=[a_trajectory([0.0, 1.0], last_s=2.0)])
     found = share_mainly(stored, "state", [0.0], 0.0, 100.0, {"label": "A"})
