@@ -7,12 +7,12 @@ end.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from navbench.records import CellKey
 from navbench.sources import Source
-from navbench.validation import DescriptionError, describe
+from navbench.validation import DescriptionError, describe, instead
 
 VECTORS = (Mapping, list, tuple)
 
@@ -69,6 +69,34 @@ def factors_of(cells: Iterable[CellKey]) -> list[Factor]:
         if first is not factor:
             joined[repr((factor.members, alone))] = replace(first, things=(*first.things, *factor.things))
     return list(joined.values())
+
+
+def under(prior: Mapping[str, Any], factors: Iterable[Factor], key: str) -> list[Factor]:
+    """Return the factors that a prior of the study's own names, with its ranges.
+
+    Args:
+        prior: for the name of each factor the range of its values that have one; None for as they are.
+        factors: the factors.
+        key: what the prior is called in messages.
+
+    Raises:
+        DescriptionError: there is no such factor, or a range does not suit it.
+    """
+    known = {factor.name: factor for factor in factors}
+    for name in prior:
+        if name not in known:
+            raise DescriptionError(f"{key}.{name}: no such factor; {instead(name, known)}")
+    return [_ranged(known[name], prior[name], f"{key}.{name}") for name in known if name in prior]
+
+
+def _ranged(factor: Factor, ends: Any, key: str) -> Factor:
+    if ends is None:
+        return factor
+    values = {place: asdict(source) for place, source in factor.members.items() if source.range}
+    if len(values) != 1 or len(factor.members) != 1:
+        raise DescriptionError(f"{key}: must be null, for it is no single value with a range")
+    ((place, source),) = values.items()
+    return replace(factor, members={place: describe(Source, {**source, "range": list(ends)}, key)})
 
 
 def apply(factor: Factor, u: float, configuration: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,13 +1,14 @@
 """What a study says of its multiverse: which reconstructions count as its paper's, and which numbers condition them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from typing import Any
 
 from pydantic.dataclasses import dataclass
 
 from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.measuring import check_measure
-from navbench.validation import STRICT, DescriptionError, describe, instead
+from navbench.validation import STRICT, DescriptionError, Number, describe, instead
 
 KIND = "admissible"  # of the entries that say which reconstructions count
 
@@ -37,12 +38,15 @@ class Multiverse:
         conditioned: on which printed numbers, or None.
         together: the claims whose printed numbers are independent of each other, and are fitted together; None for
             all that print one.
+        priors: other priors by name: the factors that move, each with the range of its values of a range; null for as
+            they are. Every other value stays as the study has it.
     """
 
     admissible: Mapping[str, Mapping[str, Any]]
     implied: tuple[str, ...] = ()
     conditioned: Conditioned | None = None
     together: tuple[str, ...] | None = None
+    priors: Mapping[str, Mapping[str, tuple[Number | None, Number | None] | None]] = field(default_factory=dict)
 
 
 def multiverse_of(study: Mapping[str, Any], claims: Sequence[Entry]) -> Multiverse:

@@ -22,6 +22,7 @@ HELP = """navbench multiverse STUDY: ask its claims in many reconstructions of w
   seed=0                                            of all draws
   engine=local                                      where to run: `navbench list engine`, and engine.KEY=VALUE
   workers=N                                         processes; default one a core; 0 for none, for a debugger
+  prior=NAME                                        another prior, which the study names; in a folder of its own
   tuned=DIR                                         the study's results, for what its tunings found
   out=DIR                                           where the reconstructions are kept; default outputs/multiverse/STUDY
   resume=other-code                                 go on with what was run before navbench or a controller was changed
@@ -32,7 +33,8 @@ with more of them. What is found is written into results/STUDY/multiverse.
 """
 NUMBERS = {"n": 16384, "decide": 1024, "search": 320, "seed": 0}
 MOST = 2**20  # reconstructions, or evaluations
-KEYS = (*NUMBERS, "tuned", "out", "engine", "workers")
+TEXTS = ("prior", "tuned", "out")
+KEYS = (*NUMBERS, *TEXTS, "engine", "workers")
 
 
 def multiverse(arguments: Sequence[str]) -> int:
@@ -58,15 +60,16 @@ def multiverse(arguments: Sequence[str]) -> int:
 
     chosen = where(placed, words.config_dir, "multiverse")
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
-    samples = Samples(Path(options["out"] or f"outputs/multiverse/{name}"))
-    of = reconstructions_of(name, tuned, words.config_dir)
+    inner = [options["prior"]] if options["prior"] else []
+    samples = Samples(Path(options["out"] or "-".join([f"outputs/multiverse/{name}", *inner])))
+    of = reconstructions_of(name, tuned, words.config_dir, prior=options["prior"])
     for claim, why in of.unmeasured().items():
         complain(f"{claim}: has no case in the study's own reconstruction; {why}")
     blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
     total = done = sum(block.size for block in blocks)
     try:
         with locked(samples.path), progress() as told:
-            samples.begin(prior_of(of, options["seed"]), other_code=words.other_code)
+            samples.begin(prior_of(of, options["seed"], options["prior"]), other_code=words.other_code)
             for file in samples.discard_damaged():
                 complain(f"{file}: damaged, and made anew")
             todo = [block for block in blocks if not samples.has(block.name)]
@@ -75,7 +78,7 @@ def multiverse(arguments: Sequence[str]) -> int:
                 samples.write(todo[index].name, columns)
                 done += todo[index].size
                 told("reconstructions", done, total)
-            files = _finish(of, samples, options["search"], chosen["workers"], told)
+            files = _finish(of, samples, inner, options["search"], chosen["workers"], told)
     except BrokenPipeError:  # who reads the output has seen enough
         raise
     except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
@@ -92,11 +95,12 @@ def multiverse(arguments: Sequence[str]) -> int:
 def _finish(
     of: "Reconstructions",
     samples: "Samples",
+    inner: Sequence[str],
     budget: int,
     workers: int | None,
     progress: Callable[[str, int, int], None],
 ) -> list[Path]:
-    """Write what the reconstructions say, and return the files of the report."""
+    """Write what the reconstructions say, of another prior into an inner folder, and return the files of the report."""
     from navbench.analysis.fitting import fit, in_sample
     from navbench.analysis.shares import Drawn
     from navbench.cli.sampling import places
@@ -119,8 +123,8 @@ def _finish(
         name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
         best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),
     )  # fmt: skip
-    files = write_multiverse(told, out / "multiverse")
-    samples.publish(rows, out / "multiverse" / "reconstructions.parquet")
+    files = write_multiverse(told, out.joinpath("multiverse", *inner))
+    samples.publish(rows, out.joinpath("multiverse", *inner) / "reconstructions.parquet")
     return files
 
 
@@ -129,12 +133,12 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
     from navbench.cli.sampling import BLOCK, SCRAMBLES
     from navbench.cli.searching import POPULATION
 
-    options: dict[str, Any] = {**NUMBERS, "tuned": None, "out": None}
+    options: dict[str, Any] = {**NUMBERS, **dict.fromkeys(TEXTS)}
     for word in overrides:
         key, _, value = word.partition("=")
         if key not in KEYS:
             raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with a multiverse')}")
-        if key in ("tuned", "out"):
+        if key in TEXTS:
             options[key] = value
             continue
         most = SEED_MAX if key == "seed" else MOST

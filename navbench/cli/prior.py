@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from navbench.analysis.claims import Entry, asked_by, entries
-from navbench.analysis.factors import Factor, factors_of
+from navbench.analysis.factors import Factor, factors_of, under
 from navbench.analysis.multiverse import conditions, multiverse_of
 from navbench.cli.rebuilding import Base, base_of, in_simulator, set_by
 from navbench.cli.reconstructions import Choice, Drawn, Part, Reconstructions
@@ -17,13 +17,18 @@ from navbench.experiments.code import code_of, roots_of
 from navbench.experiments.running import best_of
 from navbench.experiments.store import Results, ResultsError, tuning_name
 from navbench.experiments.tunings import Tuning
+from navbench.validation import DescriptionError, instead
 
 SIMULATOR = "planar"  # in which all reconstructions run
 CLAIMS = ("claim", "hypothesis")
 
 
 def reconstructions_of(
-    study: str, tuned: Path, config_dir: str | Path | None = None, episodes: tuple[int, int] = (5, 10)
+    study: str,
+    tuned: Path,
+    config_dir: str | Path | None = None,
+    episodes: tuple[int, int] = (5, 10),
+    prior: str | None = None,
 ) -> Reconstructions:
     """Return the reconstructions of a study.
 
@@ -32,9 +37,10 @@ def reconstructions_of(
         tuned: the study's results, with what its tunings found.
         config_dir: as after ``--config-dir``.
         episodes: of a cell at first, and at most.
+        prior: which other prior of the study, see ``Multiverse``; None for the ranges of its sources.
 
     Raises:
-        DescriptionError: as ``compose_study``; or a tuning is not there.
+        DescriptionError: as ``compose_study``; or a tuning is not there, or there is no such prior.
     """
     plan = compose_study(study, config_dir)
     content = dict(plan.study or {})
@@ -47,6 +53,12 @@ def reconstructions_of(
     cells = [cells[k] for k in needed]
     places = {k: i for i, k in enumerate(needed)}
     factors = factors_of(cell.key() for cell in cells)
+    key = f"study/{study}.multiverse.priors"
+    others = {name: under(ranges, factors, f"{key}.{name}") for name, ranges in multiverse.priors.items()}
+    if prior is not None:
+        if prior not in others:
+            raise DescriptionError(f"prior={prior}: no such prior; {instead(prior, others, 'there are')}")
+        factors = others[prior]
     base = base_of(cells, config_dir)
     parts: dict[str, Part] = {}
     drawn = []
@@ -62,7 +74,7 @@ def reconstructions_of(
         cells=tuple(Drawn(cell, tuple(order[key] for key in keys), gains.get(cell.tuning, {})) for cell, keys in drawn),
         parts=tuple(parts.values()),
         factors=tuple(factors),
-        choices=tuple(_choices(gains, claims)),
+        choices=() if prior else tuple(_choices(gains, claims)),
         claims=tuple(claims),
         multiverse=multiverse,
         uses=tuple(frozenset(places[k] for k in used) for used in uses),
@@ -70,12 +82,13 @@ def reconstructions_of(
     )
 
 
-def prior_of(of: Reconstructions, seed: int) -> dict[str, Any]:
+def prior_of(of: Reconstructions, seed: int, name: str | None = None) -> dict[str, Any]:
     """Return all that decides what is drawn and asked, as plain values.
 
     Args:
         of: the reconstructions.
         seed: of their draws.
+        name: of another prior than that of the sources.
     """
     modules = code_of({root for one in of.cells for root in roots_of(one.cell.configuration)})
     return {
@@ -90,6 +103,7 @@ def prior_of(of: Reconstructions, seed: int) -> dict[str, Any]:
         "claims": {entry.name: _plain_claim(entry) for entry in of.claims},
         "cells": digest([one.cell.key().config_hash for one in of.cells]),
         "code": digest(modules),
+        **({"prior": name} if name else {}),
     }
 
 

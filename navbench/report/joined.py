@@ -18,7 +18,7 @@ from navbench.report.document import Block, Column, Document, Heading, Lines, Li
 from navbench.report.figures import save_figure
 from navbench.report.markdown import render
 from navbench.report.shares import VERDICTS as SHARE_VERDICTS
-from navbench.report.shares import strips
+from navbench.report.shares import read_shares, strips
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
@@ -177,14 +177,6 @@ def read_claims(file: Path) -> "pd.DataFrame":
                 f"{file}: {column}={value} of {wrong['id'].iloc[0]}; allowed: {', '.join(filter(None, allowed))}"
             )
     return table
-
-
-def read_shares(folder: Path) -> "pd.DataFrame":
-    """Return in which share of its multiverse's reconstructions each claim of a study holds; no rows without one."""
-    import pandas as pd
-
-    file = folder / "tables" / "shares.csv"
-    return pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=["id", "verdict", "share"])
 
 
 def _told(study: Found) -> list[Block]:

@@ -19,9 +19,10 @@ from navbench.mathematics.statistics import Estimate
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Plot, Table
 from navbench.report.figures import save_figure
 from navbench.report.reports import write_document
-from navbench.report.shares import VERDICTS, chart, curves, numbers
+from navbench.report.shares import VERDICTS, chart, curves, numbers, read_shares
 
 BEST = "best.json"
+SHARE = ["share", "share_low", "share_high", "share_n"]  # columns of a table of shares
 CURVES_MAX = 6  # claims of which the curve is drawn
 
 
@@ -96,6 +97,7 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
             *_first(told, shares),
             *plots,
             *_claims(told, shares),
+            *_other_priors(told, shares, out),
             *_fitted(told),
             *_deciding(shares),
             *_factors(told, shares),
@@ -179,6 +181,27 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
         "reach* holds in none that was drawn or found. Of fewer cases no interval is told."
     )
     return [Heading("Claims"), Paragraph(text), Table("shares", columns, rows)]
+
+
+def _other_priors(told: Told, shares: Sequence[Shares], out: Path) -> list[Block]:
+    """Return the shares under the study's other priors, whose reports are there, beside those of this one."""
+    tables = {name: read_shares(out / name).set_index("id") for name in told.multiverse.priors}
+    tables = {name: table for name, table in tables.items() if len(table)}
+    if not tables:
+        return []
+    columns = [Column("claim", "id"), Column("verdict", "verdict"), Column("share", "share", decimals=3)]
+    rows: list[list[Any]] = [[one.claim.name, one.verdict, one.all] for one in shares]
+    for name, table in tables.items():
+        columns += [Column(f"{name}: verdict", f"{name}_verdict"), Column("share", f"{name}_share", decimals=3)]
+        for row in rows:
+            its = table.loc[row[0]] if row[0] in table.index else None
+            row += [None, None] if its is None else [its["verdict"], Estimate(*its[SHARE])]
+    text = (
+        "A share is one of its prior. Under another one that the study names, fewer values move, some of them in "
+        "another range, and all others stay as the study has them."
+    )
+    links = [Link(f"All that is told under the prior {name}", f"{name}/report.md") for name in tables]
+    return [Heading("Under other priors"), Paragraph(text), Table("priors", columns, rows), *links]
 
 
 def _fitted(told: Told) -> list[Block]:
@@ -281,8 +304,9 @@ def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
     episodes, steps = int(rows["episodes"].sum()), int(rows["steps"].sum())
     seconds = float(rows["seconds"].sum())
     scrambles = rows["scramble"].nunique()
+    prior = f" prior={told.prior['prior']}" if "prior" in told.prior else ""
     lines = [
-        f"`navbench multiverse {told.study}` draws {scrambles} independent scrambles of a Sobol sequence, "
+        f"`navbench multiverse {told.study}{prior}` draws {scrambles} independent scrambles of a Sobol sequence, "
         f"{len(rows) // scrambles} points each, over {len(told.drawn.names)} dimensions, and runs every reconstruction "
         f"in {told.prior['simulator']}: {len(rows)} reconstructions, {episodes} episodes, {steps} robot-steps in "
         f"{seconds:.0f} s of CPU time, {steps / max(seconds, 1e-9):.0f} a second, with the claims' measures. "

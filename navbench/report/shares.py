@@ -1,7 +1,8 @@
-"""Figures of shares: in how many reconstructions claims hold."""
+"""Figures of shares, in how many reconstructions claims hold, and the shares that a report holds."""
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,14 @@ VERDICTS = {  # with their colours
 }
 SLICES = 8  # of a value's range, over which a share is told
 NAMED_MAX = 6  # characters of a choice that is named; longer ones are numbered in their order
+
+
+def read_shares(folder: Path) -> "pd.DataFrame":
+    """Return in which share of its multiverse's reconstructions each claim of a study holds; no rows without one."""
+    import pandas as pd
+
+    file = folder / "tables" / "shares.csv"
+    return pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=["id", "verdict", "share"])
 
 
 def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":

@@ -38,6 +38,7 @@ claims:
 multiverse:
   admissible: {there: {says: it arrives, holds: in 80 % of the cases, measure: share_reached, of: {cell: line}}}
   implied: [arrives]
+  priors: {narrow: {go_to_goal.speed_mps: [0.18, 0.21]}, same: {go_to_goal.speed_mps: null}}
 report: [{name: verdicts, title: Claims, groups: {}}]
 """
 LOW, HIGH = 0.1, 0.3333  # the range of go_to_goal's speed
@@ -105,6 +106,21 @@ def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor
     prior = json.loads((folder / "results/tiny/multiverse/prior.json").read_text())
     assert prior["factors"][0]["name"] == "go_to_goal.speed_mps"
     assert prior["factors"][0]["of"] == {"build.speed_mps": {"range": [LOW, HIGH]}}
+
+
+def test_another_prior_stands_beside_the_study_s_own(command: Command, there: Path) -> None:
+    few = ("n=128", "decide=0", "search=0", "workers=0", "--config-dir", "conf")
+    results = there.parent / "results/tiny/multiverse"
+    for prior in ("narrow", "same"):
+        assert command("multiverse", "tiny", f"prior={prior}", *few).code == 0
+        table = pd.read_csv(results / prior / "tables/shares.csv").set_index("id")
+        assert table["share"]["time"] == (1.0 if prior == "narrow" else pytest.approx(SHARE, abs=0.05))
+    said = (results / "narrow/report.md").read_text()
+    assert "`navbench multiverse tiny prior=narrow` draws" in said
+    assert command(*WORDS, "workers=0").code == 0  # nothing to run; the report is written again
+    beside = pd.read_csv(results / "tables/priors.csv").set_index("id").loc["time"]
+    assert (beside["verdict"], beside["narrow_verdict"], beside["narrow_share"]) == ("open", "robust", 1.0)
+    assert beside["same_share"] == pytest.approx(beside["share"], abs=0.1)
 
 
 def test_what_a_cell_sets_itself_stays_and_what_it_does_not_moves(folder: Path) -> None:
@@ -286,6 +302,7 @@ WRONG = [
     (("multiverse", "tiny", "n=١٢٨"), "must be a whole number from 0 to 1048576"),
     (("multiverse", "tiny", f"seed={2**63}"), "must be a whole number from 0 to 9223372036854775807"),
     (("multiverse", "tiny", "m=16"), "m=16: unknown key; "),
+    (("multiverse", "tiny", "prior=narow"), "prior=narow: no such prior; did you mean narrow?"),
     (("multiverse", "smoke", "n=128"), "study/smoke.multiverse: missing; "),
 ]
 
@@ -310,6 +327,12 @@ def test_the_best_reconstruction_is_there_only_after_a_multiverse(command: Comma
     ("old", "new", "said"),
     [
         ("implied: [arrives]", "implied: [arrive]", "multiverse.implied=arrive: no such claim; did you mean arrives?"),
+        (
+            "{go_to_goal.speed_mps: null",
+            "{go_to_goal.speed: null",
+            "priors.same.go_to_goal.speed: no such factor; did you",
+        ),
+        ("[0.18, 0.21]", "[0.21, 0.18]", "narrow.go_to_goal.speed_mps: range=[0.21, 0.18]: the first must be below"),
         ("holds: in 80 % of the cases, ", "printed: 3 s, within: 1 s, ", "must have a measure, and hold in a share"),
     ],
 )
