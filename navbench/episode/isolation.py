@@ -31,7 +31,7 @@ class Isolation:
 
     def __init__(self, step_s: float | None) -> None:
         self.timeout = Timeout(step_s)
-        self._mark, self._folder = _mark(), os.getcwd()
+        self._mark, self._folder = _mark(getpid(), WIPE_ON_FORK), os.getcwd()
 
     def begin(self, name: tuple[int, str, int, int]) -> None:
         """Begin a robot's episode where this was made, with Python's and numpy's global generators seeded.
@@ -59,18 +59,19 @@ class Isolation:
             os._exit(0)
 
 
-def _mark() -> "mmap.mmap | _Process":
-    """Return what begins with a true value in this process, and with a false one in its forks, those from C too.
+@cache
+def _mark(process: int, advice: int) -> "mmap.mmap | _Process":
+    """Return what begins with a true value in a process, and with a false one in its forks, those from C too.
 
     A page that forks get empty is read in a tenth of the time in which the system says which process this is.
     """
     if sys.platform != "linux":
-        return _Process()
+        return _Process(process)
     page = mmap.mmap(-1, mmap.PAGESIZE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     try:
-        page.madvise(WIPE_ON_FORK)
+        page.madvise(advice)
     except OSError:  # before Linux 4.14
-        return _Process()
+        return _Process(process)
     page[0] = 1
     return page
 
@@ -78,8 +79,8 @@ def _mark() -> "mmap.mmap | _Process":
 class _Process:
     """A page that forks get empty, where there is none."""
 
-    def __init__(self) -> None:
-        self._process = getpid()
+    def __init__(self, process: int) -> None:
+        self._process = process
 
     def __getitem__(self, _: int) -> bool:
         return getpid() == self._process
