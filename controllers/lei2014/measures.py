@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from navbench.analysis.estimates import exact, median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of, share_of_parts
 from navbench.analysis.fleets import fleets
 from navbench.analysis.stored import PAIR, StoredResults
 from navbench.analysis.traces import records_of, trajectories_of
@@ -228,7 +228,7 @@ def share_falling(
         others = [name for name in along if name != axis]
         for _, line in rows.groupby(others) if others else [((), rows)]:
             held.append(np.diff(line.sort_values(axis)[column].to_numpy()) <= within)
-    return share_of(np.concatenate(held))
+    return share_of_parts(np.concatenate(held))
 
 
 def turning_cases(track_m: float) -> list[tuple[float, float, float, float, float]]:
@@ -252,7 +252,7 @@ def turning_cases(track_m: float) -> list[tuple[float, float, float, float, floa
 def share_turning_as_printed(stored: StoredResults, track_m: float) -> Estimate | None:
     """Return the share of the three conclusions on eq. 3 that hold: straight on, on the spot, round a circle of R."""
     straight, spot, circle = turning_cases(track_m)
-    return share_of(
+    return share_of_parts(
         [
             straight[4] == 0.0 and abs(straight[3] - straight[0]) < EXACT_M,
             spot[3] < EXACT_M and spot[4] != 0.0,
@@ -276,7 +276,7 @@ def share_on_circles(stored: StoredResults, select: Select) -> Estimate | None:
         turns = np.abs(turned) > 0.0
         chord_m = 2.0 * np.abs(v_mps[turns] / w_radps[turns] * np.sin(0.5 * turned[turns]))
         held.append(np.abs(np.hypot(np.diff(x_m), np.diff(y_m))[turns] - chord_m) < EXACT_M)
-    return share_of(np.concatenate(held))
+    return share_of_parts(np.concatenate(held))
 
 
 def _times(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from navbench.analysis.estimates import exact, median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of, share_of_parts
 from navbench.analysis.printed import band
 from navbench.analysis.stored import StoredResults, reached
 from navbench.analysis.traces import columns_of, records_of, spells
@@ -138,7 +138,7 @@ def share_jumping(
             if value in (before.value, after.value):
                 near = found[max(after.begin - least_periods, 0) : after.begin + least_periods]
                 jumps.append(bool(np.ptp(near) >= share_of_range * np.ptp(found)))
-    return share_of(jumps)
+    return share_of_parts(jumps)
 
 
 def share_greater(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:

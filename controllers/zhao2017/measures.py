@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.estimates import exact, median_of, share_of
+from navbench.analysis.estimates import exact, median_of, share_of, share_of_parts
 from navbench.analysis.stored import StoredResults
 from navbench.analysis.traces import periods_of, records_of
 from navbench.mathematics.statistics import Estimate
@@ -107,7 +107,7 @@ def share_slowing(
             if quiet and v_mps[k - 1] > 0.0:
                 soon = (t_s >= t_s[k]) & (t_s <= t_s[k] + within_s)
                 slower.append(bool(v_mps[soon].min() < v_mps[k - 1]))
-    return share_of(slower)
+    return share_of_parts(slower)
 
 
 def share_regaining(
@@ -127,7 +127,7 @@ def share_regaining(
         on = np.flatnonzero(trajectory[column].to_numpy() != 0.0)
         if len(on) and _within(trajectory, beyond)[on[-1]]:
             again.append(bool((trajectory["v_mps"].to_numpy()[on[-1] + 1 :] >= speed_mps).any()))
-    return share_of(again)
+    return share_of_parts(again)
 
 
 def share_possible_approach(stored: StoredResults, speed_mps: float, select: Select) -> Estimate | None:
@@ -279,7 +279,7 @@ def share_of_places(stored: StoredResults, places: Mapping[str, Sequence[Any]], 
             "movers": [[[point.x_m, point.y_m] for point in mover.waypoints] for mover in world.movers],
         }
         found += [one == other for what, of in places.items() for one, other in zip(of, there[what], strict=True)]
-    return share_of(found)
+    return share_of_parts(found)
 
 
 def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -> Estimate | None:
@@ -301,7 +301,7 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
         for i, disc in enumerate(world.discs):
             away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m
             met.append(away <= within_m and i not in hit)
-    return share_of(met)
+    return share_of_parts(met)
 
 
 def _passing(stored: StoredResults, select: Select) -> "pd.DataFrame":

@@ -39,6 +39,12 @@ def median_of(values: ArrayLike) -> Distribution | None:
     return found
 
 
+def share_of_parts(parts: ArrayLike) -> Estimate | None:
+    """Return the share of a thing's parts that hold, such as a run's moments: no sample, and so without interval."""
+    parts = np.asarray(parts, dtype=bool)
+    return exact(parts.mean(), len(parts)) if len(parts) else None
+
+
 def share_of(cases: ArrayLike) -> Estimate | None:
     """Return the share of cases that hold, with its exact interval; None of no case."""
     cases = np.asarray(cases, dtype=bool)

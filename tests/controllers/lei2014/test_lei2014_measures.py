@@ -221,7 +221,8 @@ def test_what_is_mainly_done_in_danger_and_out_of_it_are_told_apart(tmp_path: Pa
 
 @pytest.mark.parametrize("track_m", [0.1, 0.4, 3.0])
 def test_the_three_conclusions_on_eq_3_hold_for_any_track(tmp_path: Path, track_m: float) -> None:
-    assert share_turning_as_printed(stored_of(tmp_path), track_m) == pytest.approx((1.0, 0.2924, 1.0, 3), abs=1e-4)
+    found = share_turning_as_printed(stored_of(tmp_path), track_m)
+    assert found == pytest.approx((1.0, math.nan, math.nan, 3), nan_ok=True)  # three cases, but no sample
     straight, spot, circle = turning_cases(track_m)
     assert (straight[2], straight[3], straight[4]) == (math.inf, 0.1, 0.0)
     assert spot[2:4] == (0.0, 0.0)
