@@ -8,6 +8,7 @@ compared with: a label, or what differs from the first ones.
 import inspect
 import reprlib
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from numbers import Real
 from typing import Any
 
@@ -59,7 +60,7 @@ def check_measure(key: str, name: str, of: Mapping[str, Any], *, trust: bool) ->
         DescriptionError: there is no such measure, or an argument is unknown or missing.
     """
     function = resolve(key, str(name), HOME, trust=trust)
-    takes, *parameters = inspect.signature(function).parameters.values()
+    takes, *parameters = _parameters(function).values()
     if takes.name != "stored":
         raise DescriptionError(f"{key}={name}: is no measure: it does not take the stored results first")
     needed = [parameter for parameter in parameters if parameter.name != "select"]
@@ -71,7 +72,7 @@ def check_measure(key: str, name: str, of: Mapping[str, Any], *, trust: bool) ->
 
 def arguments(function: Callable[..., Any], of: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of a measure, with the cells under ``select`` and ``than``."""
-    known = inspect.signature(function).parameters
+    known = _parameters(function)
     found = {word: value for word, value in of.items() if word in known}
     if "select" not in known:
         return found
@@ -82,6 +83,11 @@ def arguments(function: Callable[..., Any], of: Mapping[str, Any]) -> dict[str, 
         than = found["than"]
         found["than"] = {**found["select"], **_columns({"label": than} if isinstance(than, str) else than)}
     return found
+
+
+@lru_cache(maxsize=256)  # measures: a multiverse asks each of every reconstruction
+def _parameters(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(function).parameters
 
 
 def _columns(cells: Mapping[str, Any]) -> dict[str, Any]:

@@ -55,14 +55,19 @@ class StoredResults:
 
     def __init__(self, results: Results) -> None:
         self.results = results
-        self.manifest = results.manifest()
         self._trajectories: dict[str, pd.DataFrame] = {}
         self._places: dict[str, Mapping[Any, Any]] = {}
         self._used = Used()
+        self.manifest  # noqa: B018  (read here, where an error of it belongs)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to another process as the directory alone, to be read again there."""
         return StoredResults, (self.results,)
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """The manifest."""
+        return self.results.manifest()
 
     @cached_property
     def rows(self) -> "pd.DataFrame":

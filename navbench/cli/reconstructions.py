@@ -25,7 +25,7 @@ from navbench.cli.sample import Places, Sample
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell
 from navbench.mathematics.statistics import Estimate
-from navbench.records import RobotRecord
+from navbench.records import CellKey, RobotRecord
 from navbench.validation import DescriptionError
 
 CODES = {"reproduced": HOLDS, "partly": PARTLY, "not_testable": CHAOTIC}
@@ -209,6 +209,7 @@ class _CellRun:
     """The episodes of one cell in one reconstruction."""
 
     cell: Cell
+    key: CellKey
     records: list[list[tuple[int, RobotRecord]]] = field(default_factory=list)
     runner: EpisodeRunner | None = None
 
@@ -250,7 +251,8 @@ class _Run:
             open_claims = [k for k in open_claims if any(of.cells[i].cell.episodes > before for i in of.uses[k])]
             for index in sorted({i for k in open_claims for i in of.uses[k]}):
                 self._extend(index, size)
-            there = [(run.cell, [pair for one in run.records[:size] for pair in one]) for run in self.runs.values()]
+            runs = self.runs.values()
+            there = [(run.cell, run.key, [pair for one in run.records[:size] for pair in one]) for run in runs]
             sample = Sample(of.study, there, of.places)
             open_claims, before = [k for k in open_claims if not self._judge(sample, k, told)], size
         return told._replace(episodes=self.episodes, steps=self.steps)
@@ -258,7 +260,8 @@ class _Run:
     def _extend(self, index: int, size: int) -> None:
         """Run a cell's episodes up to a size."""
         if index not in self.runs:
-            self.runs[index] = _CellRun(self._cell(index))
+            cell = self._cell(index)
+            self.runs[index] = _CellRun(cell, cell.key())
         records = self.runs[index].extend(size)
         self.episodes += sum(record.robot_index == 0 for record in records)
         self.steps += sum(len(record.states) - 1 for record in records)

@@ -13,14 +13,14 @@ from navbench.experiments.cells import Cell
 from navbench.experiments.manifest import described
 from navbench.experiments.rows import episode_rows, trajectory_columns
 from navbench.experiments.store import Results, ResultsError
-from navbench.records import NOT_DRIVEN, RobotRecord
+from navbench.records import NOT_DRIVEN, CellKey, RobotRecord
 from navbench.world.layout import DrawnWorld
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Places = dict[tuple[object, ...], dict[str, tuple[NDArray[np.intp], ...]]]  # by the shape of a sample and the question
-Ran = Sequence[tuple[Cell, Sequence[tuple[int, RobotRecord]]]]  # cells with (episode, record) pairs
+Ran = Sequence[tuple[Cell, CellKey, Sequence[tuple[int, RobotRecord]]]]  # cells with (episode, record) pairs
 FIXED = (*CELL, *PAIR)  # columns that are the same in all samples of the same cells and episodes
 SHAPES_MAX = 100
 
@@ -30,16 +30,15 @@ class Sample(StoredResults):
 
     Args:
         study: what the manifest of stored results would say of their study.
-        ran: the cells with their records.
+        ran: the cells with what results know of them, and with their records.
         places: where in the table of episodes lies what was asked of earlier samples, to be added to: in those of the
             same cells and as many episodes it lies there again.
     """
 
     def __init__(self, study: Mapping[str, Any], ran: Ran, places: Places | None = None) -> None:
-        self._ran = [(cell, cell.key(), records) for cell, records in ran]
+        self._ran = ran
         self._known = {} if places is None else places
-        self.results = _Nowhere(Path("a reconstruction"))
-        self.manifest = {"study": study, "cells": [described(key) for _, key, _ in self._ran], "tunings": []}
+        self.results = _Nowhere(study, [key for _, key, _ in ran])
         self._trajectories, self._used = {}, Used()
         self._found: dict[str, pd.DataFrame] = {}
 
@@ -61,9 +60,14 @@ class Sample(StoredResults):
     @cached_property
     def _there(self) -> dict[str, tuple["NDArray[np.intp]", ...]]:
         """Where what was asked lies in the table of episodes of every sample of the same cells and episodes."""
-        rows = self.episodes
-        first = {run_id: i for i, run_id in reversed(list(enumerate(rows["run_id"])))}  # of runs that are the same
-        shape = tuple(first[run_id] for run_id in rows["run_id"]), *(tuple(rows[name]) for name in FIXED)
+        first = {key.run_id: i for i, (_, key, _) in reversed(list(enumerate(self._ran)))}  # of runs that are the same
+        shape = tuple(
+            (
+                *(first[key.run_id], key.name, key.label, key.names, key.tuning, key.tuning_seed, key.seed),
+                *((episode, one.robot_index) for episode, one in records if one.outcome not in NOT_DRIVEN),
+            )
+            for _, key, records in self._ran
+        )
         if len(self._known) > SHAPES_MAX:
             self._known.clear()
         return self._known.setdefault(shape, {})
@@ -165,6 +169,14 @@ def _is_fixed(wanted: Mapping[str, Any]) -> bool:
 
 class _Nowhere(Results):
     """Results that were never stored, of which there are no evaluations."""
+
+    def __init__(self, study: Mapping[str, Any], keys: Sequence[CellKey]) -> None:
+        super().__init__(Path("a reconstruction"))
+        self._study, self._keys = study, keys
+
+    def manifest(self) -> dict[str, Any]:
+        """Return what the manifest of stored results would say of study and cells."""
+        return {"study": self._study, "cells": [described(key) for key in self._keys], "tunings": []}
 
     def evaluations(self) -> "pd.DataFrame":
         """Say that there are none."""

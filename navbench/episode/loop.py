@@ -16,7 +16,7 @@ from navbench.episode.perception import Perception, Senses
 from navbench.episode.pilot import Pilot
 from navbench.episode.similarity import Native, Similarity, accel_max_mps2, native_setup, period_s
 from navbench.episode.starts import Jitter, draw_starts
-from navbench.episode.tasks import FreeSpace
+from navbench.episode.tasks import FreeSpace, free_space
 from navbench.mathematics.streams import stream
 from navbench.metrics import METRICS, MetricFunction, RobotRun, declared
 from navbench.policy import CompiledController
@@ -107,7 +107,7 @@ class EpisodeRunner:
         source = world.source
         self._always: FreeSpace | None = None
         if isinstance(source, Layout) and type(source).draw is Layout.draw:
-            self._always = FreeSpace(world.of(source), robot.radius_m)
+            self._always = free_space(world, robot.radius_m)
         self._same: Drawn | None = None  # a layout and starts that are always the same
         self._possible: Drawn | None = None  # the last one whose task can be done
         users = [metric.__module__ for metric in metrics] + [type(source).__module__]

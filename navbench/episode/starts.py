@@ -35,6 +35,11 @@ def draw_starts(space: FreeSpace, jitter: Jitter, seed: int, episode: int) -> li
     Raises:
         DescriptionError: a robot finds no free place.
     """
+    found: list[Pose] = space.once((jitter, seed, episode), lambda: _drawn(space, jitter, seed, episode))
+    return found
+
+
+def _drawn(space: FreeSpace, jitter: Jitter, seed: int, episode: int) -> list[Pose]:
     world, scene, radius_m = space.world, space.scene, space.radius_m
     poses: list[Pose] = []
     for i, start in enumerate(world.starts):

@@ -6,7 +6,7 @@ of 64 corners, and a passage counts as wider by 2 ``SLACK`` than it is.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,8 @@ from navbench.contract import Pose
 from navbench.mathematics.geometry import distance_to_nearest, segment_crossing
 from navbench.simulation.scene import Scene
 from navbench.world.grid import nearest_cell
-from navbench.world.layout import DrawnWorld, ImpossibleError, Start
+from navbench.world.layout import DrawnWorld, ImpossibleError, Layout, Start
+from navbench.world.world import World
 
 if TYPE_CHECKING:
     import shapely
@@ -27,6 +28,7 @@ FloatArray = NDArray[np.float64]
 
 SLACK = 1e-3  # of the robot's radius, by which obstacles count as further away
 QUARTER = 16  # corners of a quarter of a round outline
+KNOWN_MAX = 256  # starts of which a free space remembers what was found
 MARGIN_M = 1.0  # around everything, in which a robot may drive past it
 
 
@@ -44,9 +46,18 @@ class FreeSpace:
     def __init__(self, world: DrawnWorld, radius_m: float) -> None:
         self.world, self.radius_m, self.scene = world, radius_m, Scene(world)
         self._near_m = (1.0 - SLACK) * radius_m
+        self._known: dict[object, Any] = {}
         self._still = (
             self.scene.boxes, self.scene.discs[: len(world.discs)], self.scene.polygons[: len(world.polygons)]
         )  # fmt: skip
+
+    def once(self, asked: object, find: Callable[[], Any]) -> Any:
+        """Return what ``find`` does, found once for what is asked: controllers meet the same starts."""
+        if asked not in self._known:
+            if len(self._known) == KNOWN_MAX:
+                self._known.clear()
+            self._known[asked] = find()
+        return self._known[asked]
 
     def check(self, starts: Sequence[Pose | Start]) -> None:
         """Check that every robot can reach its goal, and all of them together.
@@ -57,6 +68,9 @@ class FreeSpace:
         Raises:
             ImpossibleError: one cannot; the message says which and why.
         """
+        self.once(tuple(starts), lambda: self._check(starts))
+
+    def _check(self, starts: Sequence[Pose | Start]) -> None:
         for i, start in enumerate(starts):
             if not (self._is_whole or self._is_straight(start, i) or self._joins(start, i)):
                 raise ImpossibleError(
@@ -121,6 +135,13 @@ class FreeSpace:
                 f"goals[{j}]: lies {apart_m:.3g} m from goals[{i}], where two robots of radius "
                 f"{self.radius_m:g} m need {needed_m:.3g} m with goal_tolerance_m={tolerance_m:g}"
             )
+
+
+@lru_cache(maxsize=16)  # worlds and robots: the controllers of a study share them
+def free_space(world: World, radius_m: float) -> FreeSpace:
+    """Return the free space of a world whose layout is always the same; arguments as of ``FreeSpace``."""
+    assert isinstance(world.source, Layout)
+    return FreeSpace(world.of(world.source), radius_m)
 
 
 @lru_cache(maxsize=64)  # worlds and robots: the cells of a study share them, and to unite shapes takes a millisecond

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from navbench.compiled import compiled, direct
 from navbench.mathematics.geometry import box_gap, distance_to_nearest
 from navbench.memory import borrowed
-from navbench.sensors import Sensors
+from navbench.sensors import Mount, Sensors
 from navbench.world.grid import FreeArray, nearest_cell
 
 FloatArray = NDArray[np.float64]
@@ -49,31 +50,12 @@ class Rays:
     """
 
     def __init__(self, sensors: Sensors, radius_m: float) -> None:
-        self.cross_hull = False
-        rays: list[tuple[float, ...]] = []
-        reach, exposed = 0.0, 0.0
         self.unobstructed = np.array([float(mount.max_range_m or 0.0) for mount in sensors.complete_mounts()])
-        for sensor, mount in enumerate(sensors.complete_mounts()):
-            half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
-            for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
-                cosine, sine = math.cos(mount.heading_rad + turn), math.sin(mount.heading_rad + turn)
-                back = _back_into_hull(mount.x_m, mount.y_m, cosine, sine, radius_m)
-                away = math.hypot(mount.x_m, mount.y_m)
-                if back == 0.0 and away > radius_m:
-                    exposed = max(exposed, away)
-                    aside = abs(mount.x_m * sine - mount.y_m * cosine)
-                    self.cross_hull |= aside <= (1.0 + HAIR_RADII) * radius_m
-                reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
-                begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
-                end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
-                rays.append((*begin, *end, back + limit, back, sensor, count == 1, cosine, sine))
-        self.table = np.array(rays, RAY)
+        self.table, self.reach_m, self.exposed_m, self.cross_hull = _table(sensors.complete_mounts(), radius_m)
         self._radius_m = radius_m
         self._room = np.empty(0, np.int64)
         self._find: Callable[..., int] | None = None
         self._lower: Callable[..., None] | None = None
-        self.reach_m = reach - radius_m
-        self.exposed_m = max(exposed - radius_m, 0.0)
 
     def deciding(
         self, robots: NDArray[np.void], boxes: FloatArray, discs: FloatArray, polygons: FloatArray
@@ -135,6 +117,28 @@ class Rays:
         """
         pose = robot["x_m"], robot["y_m"], robot["heading_rad"]
         _blind_inside_things(ranges, self.table, *pose, boxes, discs, polygons, *grid)
+
+
+@lru_cache(maxsize=64)  # rings on robots: the cells of a study share them, and nobody writes into a table
+def _table(mounts: tuple[Mount, ...], radius_m: float) -> tuple[NDArray[np.void], float, float, bool]:
+    """Return ``table``, ``reach_m``, ``exposed_m`` and ``cross_hull`` of ``Rays``."""
+    rays: list[tuple[float, ...]] = []
+    reach, exposed, cross_hull = 0.0, 0.0, False
+    for sensor, mount in enumerate(mounts):
+        half, count, limit = mount.cone_half_angle_rad or 0.0, mount.rays or 1, mount.max_range_m or 0.0
+        for turn in np.linspace(-half, half, count).tolist() if count > 1 else [0.0]:
+            cosine, sine = math.cos(mount.heading_rad + turn), math.sin(mount.heading_rad + turn)
+            back = _back_into_hull(mount.x_m, mount.y_m, cosine, sine, radius_m)
+            away = math.hypot(mount.x_m, mount.y_m)
+            if back == 0.0 and away > radius_m:
+                exposed = max(exposed, away)
+                aside = abs(mount.x_m * sine - mount.y_m * cosine)
+                cross_hull |= aside <= (1.0 + HAIR_RADII) * radius_m
+            reach = max(reach, away, math.hypot(mount.x_m + limit * cosine, mount.y_m + limit * sine))
+            begin = (mount.x_m - back * cosine, mount.y_m - back * sine)
+            end = (mount.x_m + limit * cosine, mount.y_m + limit * sine)
+            rays.append((*begin, *end, back + limit, back, sensor, count == 1, cosine, sine))
+    return np.array(rays, RAY), reach - radius_m, max(exposed - radius_m, 0.0), cross_hull
 
 
 def _back_into_hull(x_m: float, y_m: float, cosine: float, sine: float, radius_m: float) -> float:

@@ -180,7 +180,7 @@ def test_a_sample_that_remembers_where_rows_lay_answers_as_one_that_does_not(fol
         ran = []
         for cell, count in zip(cells, counts, strict=True):
             with cell.runner() as runner:
-                ran.append((cell, [(k, record) for k in range(count) for record in runner.run(k)]))
+                ran.append((cell, cell.key(), [(k, record) for k in range(count) for record in runner.run(k)]))
         remembers, forgets = Sample(of.study, ran, there), Sample(of.study, ran)
         ours, theirs = {"name": "line"}, {"name": "set"}
         for answer, wanted in (
