@@ -1,5 +1,6 @@
 """What there is to choose from: each group's files with the first line of each."""
 
+import glob
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -51,6 +52,12 @@ def check_folder(folder: Path) -> None:
         check_file(file)
     if (folder / "schema").exists():
         raise DescriptionError(f"{folder / 'schema'}: the schemas are navbench's own; choose another name")
+
+
+def elsewhere(group: str, name: str) -> str:
+    """Return how to name a file that lies in a folder within the working directory; empty where there is none."""
+    found = [file.parents[1] for file in sorted(Path().glob(f"*/{group}/{glob.escape(name)}.yaml"))]
+    return f"did you forget --config-dir {found[0]}?" if found else ""
 
 
 def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:

@@ -12,7 +12,8 @@ from navbench.validation import DescriptionError, instead
 if TYPE_CHECKING:
     from navbench.report.reports import Written
 
-HELP = """navbench report DIR... [out=DIR]: rebuild report.md, the page report.html, tables and figures; run nothing
+HELP = """navbench report DIR [out=DIR]: rebuild report.md, the page report.html, tables and figures; run nothing
+navbench report DIR... out=DIR: of several results directories together
 navbench report join=DIR: join the reports in a directory into its README.md
 
   --trust                                           run measures and sections that the results name outside navbench
@@ -44,6 +45,8 @@ def report(arguments: Sequence[str]) -> int:
     for name in words.names:
         if not Path(name).is_dir():
             raise DescriptionError(f"report {name}: there is no such directory")
+    if len(words.names) > 1 and "out" not in given:  # the report of the first alone lies in it
+        raise DescriptionError(f"report {' '.join(words.names)}: name where their report is to go, as out=DIR")
     runs = [Results(Path(name)) for name in words.names]
     study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
     own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder

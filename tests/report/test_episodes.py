@@ -68,7 +68,7 @@ def test_what_was_hit_stands_where_it_was_at_that_instant() -> None:
     assert touched("wall", 0) == ("wall 0", (2.9, 1.0))
     assert touched("box", 0) == ("box 0", (-1.5, 0.5))
     ended = a_path((0.0, 5.0, 2.0), (1.0, 3.0, 2.0))  # a robot that has ended stays where it was
-    assert touched("robot", 1, ended) == ("robot 1 (R2)", (2.75, 2.0))
+    assert touched("robot", 1, ended) == ("R2", (2.75, 2.0))
     assert touch_of(world, {"hit": "", "hit_index": -1, "robot_index": 0}, [end], 0.25) is None
 
 
