@@ -28,7 +28,7 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
                                                     run them, and draw the first episode in which a robot failed
   navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
   navbench replay DIR [episode=K] [--video FILE]    play one episode in a window, or write it as a video
-  navbench list [controller|world|robot|sensors|simulator|engine|tuner|objective|study]
+  navbench list [controller|world|robot|sensors|simulator|engine|tuner|objective|study|metric]
                                                     what there is, a line each
   navbench new controller|world|robot|sensors|study NAME
                                                     write a template of your own, which runs, with a test
@@ -117,6 +117,8 @@ def _command(arguments: list[str]) -> int:
 
         if arguments[1:] and arguments[1].startswith("="):
             return complain(f"{' '.join(arguments[:3])}: cannot be read; a word is key=value without spaces")
+        if first == "run":
+            return complain("run: unknown verb; a run has none: navbench controller=sflc world=deadlock")
         return complain(
             f"{first}: unknown verb; {instead(MEANT.get(first, first), VERBS)}, or keys of a run as key=value"
         )

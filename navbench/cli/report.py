@@ -20,6 +20,8 @@ navbench report join=DIR: join the reports in a directory into its README.md
   --config-dir DIR                                  the folder with the study, where the results do not say it
 """
 KEYS = ("out", "join")
+FIGURE = ("measured", "low", "high", "n")  # columns of claims.csv
+SHOWN_MAX = 12  # claims; of more it is told how many have which verdict
 
 
 def report(arguments: Sequence[str]) -> int:
@@ -61,7 +63,10 @@ def report(arguments: Sequence[str]) -> int:
 
 
 def print_written(written: "Written") -> int:
-    """Print where each report lies, how much was written beside it, and what of it is not there; return a code."""
+    """Print what became of the claims, where each report lies, and what of it is not there; return a code."""
+    for file in written.files:
+        if file.name == "claims.csv":
+            tell("\n".join(_answers(file)))
     for file in written.files:
         if file.name == "report.md":
             tell(f"report: {file} ({len(written.files)} files)")
@@ -70,3 +75,21 @@ def print_written(written: "Written") -> int:
     for problem in written.problems:
         complain(f"{problem}; all else is written")
     return UNFINISHED if written.problems else 0
+
+
+def _answers(file: Path) -> list[str]:
+    """Return a line for each claim of a report with its verdict and what was measured, or for all of many claims."""
+    import pandas as pd
+
+    from navbench.analysis.verdicts import COUNTED, verdicts_in
+    from navbench.report.document import words
+
+    table = pd.read_csv(file, keep_default_na=False, na_values={name: [""] for name in FIGURE})
+    claims = table[table["kind"].isin(COUNTED)]
+    said = claims["verdict"].str.replace("_", " ")
+    if len(claims) > SHOWN_MAX:
+        kinds = [verdict.replace("_", " ") for verdict in verdicts_in(claims)]
+        return [f"{len(claims)} claims: {', '.join(f'{(said == kind).sum()} {kind}' for kind in kinds)}"]
+    figures = [words(tuple(row)) for row in claims[list(FIGURE)].to_numpy(dtype=float)]
+    told = zip(claims["id"], said, figures, claims["unit"], strict=True)
+    return [f"{name}: {verdict}, {figure} {unit}".rstrip() for name, verdict, figure, unit in told]

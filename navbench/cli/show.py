@@ -88,6 +88,10 @@ def _keep(shown: Shown, out: str, view: bool) -> int:
     return 0
 
 
+def _age(file: Path) -> float:
+    return file.stat().st_mtime
+
+
 def _of_results(results: "Results") -> Shown:
     """Return the picture of what has just been run."""
     from navbench.analysis.stored import StoredResults
@@ -113,6 +117,9 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
         given[key] = value
     if not path.is_dir():
         raise DescriptionError(f"show {path}: there is no such directory")
+    inner = sorted([*path.glob("*/manifest.json"), *path.glob("*/*/manifest.json")], key=_age)
+    if inner and not (path / "manifest.json").is_file():
+        raise DescriptionError(f"{path}: no results here; the newest within are in {inner[-1].parent}")
     cell = {key: given[key] for key in CELL if key in given}
     return picture_of(StoredResults(Results(path)), cell, number("episode", given), number("robot", given))
 

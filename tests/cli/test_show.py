@@ -70,6 +70,7 @@ def test_an_episode_is_drawn_the_first_that_failed_unless_one_is_chosen(
         (("none",), "show none: there is no such directory"),
         (("one", "two"), "show one two: name one results directory"),
         (("empty",), "empty: no results here: manifest.json is missing"),
+        ((".",), ".: no results here; the newest within are in bare"),
         (("bare",), "bare: no trajectories are kept of A in plain"),
         (("one", "episode=4"), "episode=4: there is no such episode; episodes 0 to 3"),
         (("one", "episode=-1"), "episode=-1: must be a whole number, at least 0"),
@@ -93,6 +94,20 @@ def test_what_cannot_be_shown_is_said_in_one_line(
     check_refused(done)
     assert said in done.err
     assert {path for path in here.rglob("*")} == before
+
+
+def test_a_controller_in_a_world_is_run_and_its_first_failure_drawn(command: Command, tmp_path: Path) -> None:
+    words = ("controller=go_to_goal", "world=random_discs", "episodes=3", "simulator=planar", "hydra.run.dir=ran")
+    done = command("show", *words, "out=failure.svg")
+    assert done.code == 0, done.err
+    assert re.search(r"^go_to_goal +random_discs +disc4 +\d of 9 ", done.out, re.M)
+    assert re.search(
+        r"\nresults: ran\ngo_to_goal in random_discs, episode \d: the .*\nfigure: failure.svg\n$", done.out
+    )
+    assert (tmp_path / "failure.svg").is_file()
+    again = command("show", "ran", "out=again.svg")
+    assert again.out.splitlines()[0] == done.out.splitlines()[-2]
+    assert (tmp_path / "again.svg").read_bytes() == (tmp_path / "failure.svg").read_bytes()
 
 
 def check_refused(done: Done) -> None:
