@@ -178,7 +178,7 @@ def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mappi
             raise DescriptionError(f"{key}={value}: there is no such cell; {instead(value, there, 'there are')}")
         found = left
     if len(found) != 1:
-        raise DescriptionError(f"{stored.results.path}: {len(found)} cells; {_choices(found)}")
+        raise DescriptionError(f"{stored.results.path}: {len(found)} cells; {_choices(found, stored.results)}")
     called, run_id = f"{found[0]['label']} in {found[0]['world']}", found[0]["run_id"]
     if run_id not in set(stored.rows["run_id"]):
         raise DescriptionError(f"{stored.results.path}: no episode of {called} is there yet")
@@ -187,10 +187,15 @@ def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mappi
     return found[0]
 
 
-def _choices(cells: Sequence[Mapping[str, Any]]) -> str:
+def _choices(cells: Sequence[Mapping[str, Any]], results: "Results") -> str:
     """Return how one of some cells is chosen: all of them with their digits, or of many the words they differ in."""
     if len(cells) <= LISTED_MAX:
-        told = [f"{cell['label']} in {cell['world']} (run_id={cell['run_id'][:8]})" for cell in cells]
+        from navbench.report.runs import Joined
+
+        every = {cell["run_id"]: cell for cell in Joined([results]).manifest()["cells"]}  # with what tells them apart
+        told = [
+            f"{every[run]['label']} in {every[run]['name']} (run_id={run[:8]})" for run in (c["run_id"] for c in cells)
+        ]
         return f"choose one by {'=, '.join(CELL[:-1])}= or {CELL[-1]}=: {'; '.join(told)}"
     words = {key: dict.fromkeys(cell[key] for cell in cells) for key in reversed(CELL)}
     told = [f"{key}={', '.join(values)}" for key, values in words.items() if len(values) > 1]

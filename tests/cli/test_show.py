@@ -122,6 +122,13 @@ def test_many_cells_are_told_by_what_they_differ_in(tmp_path: Path, command: Com
     assert "many: 8 cells; choose one by world=plain, other; label=A, B, C, D; run_id=" in command("show", "many").err
 
 
+def test_cells_of_one_controller_in_one_world_are_told_apart(tmp_path: Path, command: Command) -> None:
+    cells = [(a_cell("pid", name=f"n{kp}", kp=kp), [a_record()]) for kp in (1, 2)]
+    store(tmp_path / "sweep", cells)
+    said = "pid (kp=1) in plain (run_id=pid-plai); pid (kp=2) in plain (run_id=pid-plai)"
+    assert said in command("show", "sweep").err
+
+
 def test_open_hands_the_picture_to_the_viewer(here: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
 
