@@ -99,7 +99,7 @@ def _places_in(file: str, folders: Iterable[str], cause: OmegaConfBaseException)
         return []
     return [
         place.partition("=")[0]
-        for place in _places(file.partition("/")[0], yaml.safe_load(found[0].read_text()), cause)
+        for place in _places(file.partition("/")[0], yaml.safe_load(found[0].read_text(encoding="utf-8")), cause)
     ]
 
 
