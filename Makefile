@@ -19,7 +19,8 @@ warm: $(STAMP) ## compile what most episodes need, once, before several processe
 	rm -rf build/warm
 	$(BIN)/navbench -m controller=sflc world=deadlock simulator=planar,pybullet workers=0 hydra.sweep.dir=build/warm
 
-slow: $(STAMP) ## the commands of the pages that take minutes to hours
+slow: $(BIN)/mkdocs ## the commands of the pages that take minutes to hours, the site, and the notebook; what needs torch by hand
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[notebook]'
 	$(BIN)/python -m pytest -m slow
 
 docs: $(BIN)/mkdocs ## the pages as a site in build/site, which opens from the disk

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
+QUAD = r"\qquad"  # between formulas of one line
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 LONGEST = 80  # of a value in a table of parameters
 
@@ -67,11 +68,15 @@ def on_page_markdown(markdown: str, page: "Page", **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Turn formulas into MathML, which browsers draw by themselves."""
+    """Turn formulas into MathML, which browsers draw by themselves; those of one line that is too long wrap."""
     from latex2mathml.converter import convert
 
-    displays = {"span": "inline", "div": "block"}
-    return FORMULA.sub(lambda found: convert(found[2], display=displays[found[1]]), html)
+    def drawn(found: re.Match[str]) -> str:
+        if found[1] == "span":
+            return convert(found[2], display="inline")
+        return f"<div class=formulas>{''.join(convert(one, display='block') for one in found[2].split(QUAD))}</div>"
+
+    return FORMULA.sub(drawn, html)
 
 
 @cache

@@ -1,5 +1,6 @@
 """The examples do what they say."""
 
+import json
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +26,15 @@ def test_the_notebook_runs_from_top_to_bottom(tmp_path: Path) -> None:
     assert {data["text/plain"] for data in shown if data["text/plain"] in ("True", "np.True_")}
     assert "FAIL" not in "".join(output.get("text", "") for output in told)
     assert (tmp_path / "report/report.html").is_file()
+
+
+def test_what_the_notebook_imports_of_navbench_is_there() -> None:
+    cells = json.loads((EXAMPLES / "first_look.ipynb").read_text())["cells"]
+    lines = "".join("".join(cell["source"]) + "\n" for cell in cells if cell["cell_type"] == "code").splitlines()
+    named = [line.split() for line in lines if line.startswith("from navbench")]
+    assert named
+    for _, module, _, *names in named:
+        assert all(hasattr(import_module(module), name.rstrip(",")) for name in names)
 
 
 def test_the_notebook_is_stored_without_what_it_printed() -> None:

@@ -57,6 +57,7 @@ def test_your_own_metric_is_in_the_table(folder: Path, command: Command) -> None
 def test_your_own_study_answers_its_claims_with_a_measure_of_your_own(folder: Path, command: Command) -> None:
     printed = command("study", "quicker", *OWN, "workers=2").out
     assert "report: results/quicker/report.md" in printed
+    assert re.search(r"^quicker: undecided, -?[\d.]+ \[-[\d.]+, [\d.]+\]\nturns: supported, [\d.]+ \[", printed, re.M)
     table = pd.read_csv(folder / "results/quicker/claims.csv").set_index("id")
     assert table["verdict"].to_dict() == {"quicker": "undecided", "turns": "supported"}
     assert table["n"].tolist() == [20, 20]

@@ -1,5 +1,6 @@
 """What there is to choose from: each group's files with the first line of each."""
 
+import glob
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,11 +16,12 @@ CONF = Path(navbench.conf.__file__).parent
 
 GROUPS = ("controller", "world", "robot", "sensors", "simulator")  # of a run
 LISTED = (*GROUPS, "engine", "tuner", "objective", "study")
+METRIC = "metric"  # what is listed, too, and has no files
 
 
 def groups_in(folders: Sequence[Path]) -> list[str]:
-    """Return the groups that have a file in any of the folders, in the order of a run's words."""
-    return [group for group in LISTED if any((folder / group).is_dir() for folder in folders)]
+    """Return the groups that have a file in any of the folders, in the order of a run's words, and the metrics."""
+    return [*(group for group in LISTED if any((folder / group).is_dir() for folder in folders)), METRIC]
 
 
 def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
@@ -53,15 +55,28 @@ def check_folder(folder: Path) -> None:
         raise DescriptionError(f"{folder / 'schema'}: the schemas are navbench's own; choose another name")
 
 
+def elsewhere(group: str, name: str) -> str:
+    """Return how to name a file that lies in a folder within the working directory; empty where there is none."""
+    found = [file.parents[1] for file in sorted(Path().glob(f"*/{group}/{glob.escape(name)}.yaml"))]
+    return f"did you forget --config-dir {found[0]}?" if found else ""
+
+
 def print_catalogue(folders: Sequence[Path], groups: Sequence[str]) -> None:
     """Print the groups, a line a file."""
     for group in groups:
         print(group)
-        names = files_of(group, folders)
+        names = _metrics() if group == METRIC else files_of(group, folders)
         width = max(map(len, names), default=0)
         for name, title in names.items():
             compiled = " [compiled]" if group == "controller" and _is_compiled(name, folders) else ""
             print(flat(f"  {name:<{width}}  {title}{compiled}".rstrip()))
+
+
+def _metrics() -> dict[str, str]:
+    """Return navbench's own metrics, each with its definition and its unit."""
+    from navbench.metrics import DECLARED
+
+    return {one.name: f"{one.definition}{f' [{one.unit}]' if one.unit else ''}" for one in DECLARED}
 
 
 def _is_compiled(name: str, folders: Sequence[Path]) -> bool:

@@ -34,6 +34,7 @@ from navbench.validation import HERE, DescriptionError, instead
 KINDS = {"run": schema.Run, "tune": schema.Tune}  # the primary configs with a schema
 CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
 WORLD_SIDE = ("world", "robot", "simulator")  # a world a robot
+NO_NAME = r"(?i:null|nan|true|false|[-+]?inf)|[-+\d.e]*"  # what Hydra reads as no word
 COMPOSING = RLock()
 FOLDER: ContextVar[str | Path | None] = ContextVar("FOLDER", default=None)
 
@@ -89,6 +90,10 @@ def composing(
         try:
             with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
                 yield Composer()
+        except (HydraException, OmegaConfBaseException) as error:
+            for folder in (config_dir, CONF):  # where the file may lie of which it speaks
+                error.add_note(str(folder or CONF))
+            raise
         finally:
             for group, name, _ in things:
                 del store.repo[group][f"{name}.yaml"]
@@ -226,7 +231,7 @@ def _single(override: Override) -> list[str]:
 
 
 def check_words(words: Iterable[str]) -> None:
-    """Check the words that choose a file: Hydra takes a null, a number or a list for a slip in the program.
+    """Check the words that choose a file: Hydra takes a null, a number, a flag or a list for a slip in the program.
 
     A name with .yaml Hydra would take, and results would then bear it.
 
@@ -234,7 +239,7 @@ def check_words(words: Iterable[str]) -> None:
         DescriptionError: a word chooses no name.
     """
     for word in words:
-        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|null|[-+\d.e]*|.*\.yaml)", word, re.DOTALL)
+        group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|{NO_NAME}|.*\.yaml)", word, re.DOTALL)
         if group:
             raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
 

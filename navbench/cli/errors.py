@@ -1,7 +1,9 @@
 """What may be wrong with a configuration, each as one short line."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable
+from operator import itemgetter
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -10,6 +12,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf import ListConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
+from navbench.cli.catalogue import elsewhere
 from navbench.raised import shortened
 from navbench.validation import HERE, DescriptionError, instead
 
@@ -37,7 +40,7 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, MissingConfigException) and error.options and error.missing_cfg_file:
         group, _, name = error.missing_cfg_file.rpartition("/")
         choices = [option for option in error.options if not option.startswith("_")]
-        return f"{group}={name}: unknown choice; {instead(name, choices)}"
+        return f"{group}={name}: unknown choice; {elsewhere(group, name) or instead(name, choices)}"
     if isinstance(error, OverrideParseException):
         return f"{error.override}: cannot be read; a word is key=value, and a value of unusual characters needs quotes"
     if several := re.match(r"Ambiguous value for argument '([^=]*)=(.*)'", str(error)):
@@ -54,14 +57,14 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         return f"{error.problem_mark.name}, line {error.problem_mark.line + 1}: {error.problem}"
     if not isinstance(error, DescriptionError) and isinstance(cause, OmegaConfBaseException):
-        return _wrong_value(str(error), cause)
+        return _wrong_value(str(error), cause, getattr(error, "__notes__", ()))
     dropped = ("Config search path", "provider=", "See https:", "Set the environment variable")
     lines = [line.strip() for line in str(error).splitlines()]
     kept = " ".join(line for line in lines if line and not line.startswith(dropped))
     return kept or " ".join(lines) or type(error).__name__
 
 
-def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
+def _wrong_value(text: str, cause: OmegaConfBaseException, folders: Iterable[str]) -> str:
     """Return what is wrong with one value, from what Hydra says of the word or file and OmegaConf of the value."""
     word = re.search(r"Error merging override ([^\n]+)|To append to your config use \+([^\n]+)", text)
     file = re.match(r"In '([^']+)'", text)
@@ -69,33 +72,60 @@ def _wrong_value(text: str, cause: OmegaConfBaseException) -> str:
     if file and not key:  # OmegaConf says of a wrong kind inside a file neither which key nor, rightly, which kind
         return f"{file[1]}.yaml: {str(cause).splitlines()[0]}; a list stands where a mapping belongs, or the reverse"
     given = word[1] or word[2] if word else ""
-    place = next(_places_of(given, cause), None) if given else None
+    place = next(iter(_places_of(given, cause) if given else _places_in(file[1], folders, cause) if file else ()), None)
     if unknown and isinstance(cause.key, str):
         allowed = [str(name) for name in cause.parent_node or () if name not in ("hydra", "sources")]
         parent = (place or key).rpartition(".")[0]
         whole = f"{parent} is null here; set the whole mapping, as {parent}={{{cause.key}: {given.partition('=')[2]}}}"
-        complaint = f"{place or key}: unknown key; {instead(cause.key, allowed, HERE) if allowed else whole}"
+        meant = "".join(f"did you mean {parent and parent + '.'}{name}.{cause.key}? " for name in _inside(cause)[:1])
+        complaint = f"{place or key}: unknown key; {meant}{instead(cause.key, allowed, HERE) if allowed else whole}"
     else:
         value = re.match(r"Value '([^'\n]+)' of type", str(cause)) if file else None
         complaint = f"{place or given or key}{f'={value[1]}' if value else ''}: {_allowed(cause)}"
     return f"{file[1]}.yaml: {complaint}" if file else complaint
 
 
-def _places_of(word: str, cause: OmegaConfBaseException) -> Iterator[str]:
-    """Yield the places, in the lists and mappings of a word, of a value that OmegaConf names by its last key alone."""
+def _places_of(word: str, cause: OmegaConfBaseException) -> list[str]:
+    """Return the places, in the lists and mappings of a word, of a value that OmegaConf names by its last key alone."""
     override = OverridesParser.create().parse_override(word)
     whole: Any = OmegaConf.to_container(OmegaConf.create({"": override.value()}))
-    inside: list[tuple[str, Any]] = [(override.key_or_group, whole[""])]
-    for place, value in inside:  # which grows
+    return _places(override.key_or_group, whole[""], cause)
+
+
+def _places_in(file: str, folders: Iterable[str], cause: OmegaConfBaseException) -> list[str]:
+    """Return the same of a file of the catalogue, where it lies in one of some folders."""
+    found = [path for folder in folders if (path := Path(folder, f"{file}.yaml")).is_file()]
+    if not found or "." in str(cause.full_key):
+        return []
+    return [
+        place.partition("=")[0]
+        for place in _places(file.partition("/")[0], yaml.safe_load(found[0].read_text(encoding="utf-8")), cause)
+    ]
+
+
+def _places(top: str, whole: Any, cause: OmegaConfBaseException) -> list[str]:
+    """Return the places of such a value below a key, those first whose neighbours are what OmegaConf knows."""
+    known = [str(key) for key in cause.parent_node or ()]
+    inside: list[tuple[str, Any, int]] = [(top, whole, 0)]
+    places: list[tuple[int, str]] = []
+    for place, value, strangers in inside:  # which grows
         if isinstance(value, dict):
-            inside += [(f"{place}.{key}", inner) for key, inner in value.items()]
+            count = len(set(map(str, value)).difference(known))
+            inside += [(f"{place}.{key}", inner, count) for key, inner in value.items()]
         elif isinstance(value, list):
-            inside += [(f"{place}[{key}]", inner) for key, inner in enumerate(value)]
-        if place.endswith(f".{cause.key}") and "." in place.removeprefix(override.key_or_group):
+            inside += [(f"{place}[{key}]", inner, 0) for key, inner in enumerate(value)]
+        if place.endswith(f".{cause.key}") and "." in place.removeprefix(top):
             if isinstance(cause, ConfigKeyError | ConfigAttributeError):
-                yield place
+                places.append((strangers, place))
             elif isinstance(value, str) and repr(value) in str(cause):
-                yield f"{place}={value!r}"
+                places.append((strangers, f"{place}={value!r}"))
+    return [place for _, place in sorted(places, key=itemgetter(0))]
+
+
+def _inside(cause: OmegaConfBaseException) -> list[str]:
+    """Return the mappings beside an unknown key that have a key of its name."""
+    beside: Any = OmegaConf.to_container(OmegaConf.create(cause.parent_node or {}))
+    return [str(name) for name, value in beside.items() if isinstance(value, dict) and cause.key in value]
 
 
 def _allowed(cause: OmegaConfBaseException) -> str:

@@ -20,13 +20,15 @@ HELP = """navbench: compare reactive navigation controllers of wheeled robots in
                                                     search a controller's parameters for the least cost
   navbench study aouf2019                           reproduce a paper, number beside number, into results/aouf2019
   navbench multiverse aouf2019                      ask its claims in many reconstructions of what the paper leaves open
-  navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, and run nothing
+  navbench report DIR... [out=DIR] [--trust]        rebuild tables and figures from results, compare, and run nothing
   navbench report join=results                      join the reports in that directory into its README.md
   navbench verify DIR...                            say whether results are whole, complete and of the installed code
   navbench show DIR [episode=K]                     draw one episode: by default the first in which a robot failed
+  navbench show controller=sflc world=random_discs episodes=20
+                                                    run them, and draw the first episode in which a robot failed
   navbench show controller=sflc                     draw a controller, or a world=, robot= or sensors=
   navbench replay DIR [episode=K] [--video FILE]    play one episode in a window, or write it as a video
-  navbench list [controller|world|robot|sensors|simulator|engine|tuner|objective|study]
+  navbench list [controller|world|robot|sensors|simulator|engine|tuner|objective|study|metric]
                                                     what there is, a line each
   navbench new controller|world|robot|sensors|study NAME
                                                     write a template of your own, which runs, with a test
@@ -115,6 +117,8 @@ def _command(arguments: list[str]) -> int:
 
         if arguments[1:] and arguments[1].startswith("="):
             return complain(f"{' '.join(arguments[:3])}: cannot be read; a word is key=value without spaces")
+        if first == "run":
+            return complain("run: unknown verb; a run has none: navbench controller=sflc world=deadlock")
         return complain(
             f"{first}: unknown verb; {instead(MEANT.get(first, first), VERBS)}, or keys of a run as key=value"
         )

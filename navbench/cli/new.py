@@ -41,8 +41,8 @@ def new(arguments: Sequence[str]) -> int:
         which = instead(given, RUN, "there are") if given not in RUN else f"such as `navbench new {given} mine`"
         raise DescriptionError(f"{' '.join(['new', *words.names, *words.overrides])}: name a group and a name; {which}")
     group, name = words.names
-    _check_name(group, name)
     conf = words.config_dir or "conf"
+    _check_name(group, name, Path(conf))
     fills = {"name": name, "Class": name.title().replace("_", ""), "conf": Path(os.path.relpath(conf)).as_posix()}
     places = {
         "conf.yaml": Path(conf, group, f"{name}.yaml"),
@@ -54,18 +54,20 @@ def new(arguments: Sequence[str]) -> int:
     navbench_in = f"navbench --config-dir {shlex.quote(conf)}"
     print(f"run it:    {navbench_in} {Template(RUN[group]).substitute(fills)}")
     if group == "controller":
-        print(f"check it:  {navbench_in} check controller={name}")
+        print(f"check it:  {navbench_in} check controller={name} world=corner")
     print(f"test it:   python -m pytest {places['test.py']}")
     return 0
 
 
-def _check_name(group: str, name: str) -> None:
+def _check_name(group: str, name: str, conf: Path) -> None:
     """Check that a name is free, and that Python, Hydra and every file system take it."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
         raise DescriptionError(
             f"{name}: must be a Python name of small letters, digits and _ that begins with a letter"
         )
-    if (CONF / group / f"{name}.yaml").exists():
+    if (
+        CONF / group / f"{name}.yaml"
+    ).exists() and conf.resolve() != CONF.resolve():  # of which is said that it is there
         raise DescriptionError(f"{name}: navbench has a {group} of that name; choose another one")
     found = importlib.util.find_spec(name) if group == "controller" else None
     if found is not None and not Path(f"{name}.py").exists():  # of which is said that it is there

@@ -12,13 +12,16 @@ from navbench.validation import DescriptionError, instead
 if TYPE_CHECKING:
     from navbench.report.reports import Written
 
-HELP = """navbench report DIR... [out=DIR]: rebuild report.md, the page report.html, tables and figures; run nothing
+HELP = """navbench report DIR [out=DIR]: rebuild report.md, the page report.html, tables and figures; run nothing
+navbench report DIR... out=DIR: of several results directories together
 navbench report join=DIR: join the reports in a directory into its README.md
 
   --trust                                           run measures and sections that the results name outside navbench
   --config-dir DIR                                  the folder with the study, where the results do not say it
 """
 KEYS = ("out", "join")
+FIGURE = ("measured", "low", "high", "n")  # columns of claims.csv
+SHOWN_MAX = 12  # claims; of more it is told how many have which verdict
 
 
 def report(arguments: Sequence[str]) -> int:
@@ -44,6 +47,8 @@ def report(arguments: Sequence[str]) -> int:
     for name in words.names:
         if not Path(name).is_dir():
             raise DescriptionError(f"report {name}: there is no such directory")
+    if len(words.names) > 1 and "out" not in given:  # the report of the first alone lies in it
+        raise DescriptionError(f"report {' '.join(words.names)}: name where their report is to go, as out=DIR")
     runs = [Results(Path(name)) for name in words.names]
     study = [(run.manifest()["study"] or {}).get("name", "") for run in runs][0]
     own = len(runs) == 1 and study and not study.startswith("tune ")  # a tuning's name is no folder
@@ -58,7 +63,10 @@ def report(arguments: Sequence[str]) -> int:
 
 
 def print_written(written: "Written") -> int:
-    """Print where each report lies, how much was written beside it, and what of it is not there; return a code."""
+    """Print what became of the claims, where each report lies, and what of it is not there; return a code."""
+    for file in written.files:
+        if file.name == "claims.csv":
+            tell("\n".join(_answers(file)))
     for file in written.files:
         if file.name == "report.md":
             tell(f"report: {file} ({len(written.files)} files)")
@@ -67,3 +75,21 @@ def print_written(written: "Written") -> int:
     for problem in written.problems:
         complain(f"{problem}; all else is written")
     return UNFINISHED if written.problems else 0
+
+
+def _answers(file: Path) -> list[str]:
+    """Return a line for each claim of a report with its verdict and what was measured, or for all of many claims."""
+    import pandas as pd
+
+    from navbench.analysis.verdicts import COUNTED, verdicts_in
+    from navbench.report.document import words
+
+    table = pd.read_csv(file, keep_default_na=False, na_values={name: [""] for name in FIGURE})
+    claims = table[table["kind"].isin(COUNTED)]
+    said = claims["verdict"].str.replace("_", " ")
+    if len(claims) > SHOWN_MAX:
+        kinds = [verdict.replace("_", " ") for verdict in verdicts_in(claims)]
+        return [f"{len(claims)} claims: {', '.join(f'{(said == kind).sum()} {kind}' for kind in kinds)}"]
+    figures = [words(tuple(row)) for row in claims[list(FIGURE)].to_numpy(dtype=float)]
+    told = zip(claims["id"], said, figures, claims["unit"], strict=True)
+    return [f"{name}: {verdict}, {figure} {unit}".rstrip() for name, verdict, figure, unit in told]

@@ -1,6 +1,6 @@
 """One cell, or a sweep of several: composed, run side by side, and told as one table."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     from navbench.experiments.cells import Cell
+    from navbench.experiments.store import Results
 
 DRIVING = (  # imported by processes, to run episodes and to keep them
     *("navbench.experiments.running", "navbench.experiments.warm", "navbench.simulation.bullet", "pyarrow.parquet"),
@@ -18,8 +19,13 @@ DRIVING = (  # imported by processes, to run episodes and to keep them
 DRAWING = ("pandas", "navbench.report.picture", "matplotlib.figure")  # and to draw those of a sweep
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the cells that the words describe, print their table, and return the exit code."""
+def run(arguments: Sequence[str], then: Callable[["Results"], int] = lambda _: 0) -> int:
+    """Run the cells that the words describe, print their table, and return the exit code.
+
+    Args:
+        arguments: the words.
+        then: does more with the results, and returns an exit code.
+    """
     words = sort_words(arguments, ("--config-dir", "--multirun", "--cfg", "--overwrite"))
     if words.names:
         raise DescriptionError(f"{words.names[0]}: cannot be read; a word is key=value without spaces")
@@ -54,5 +60,9 @@ def run(arguments: Sequence[str]) -> int:
     if not cells:
         return 2
     again = [*arguments, *words.place(f"hydra.{'sweep' if words.multirun else 'run'}.dir", path)]
-    finish = partial(print_tables, each=partial(in_processes, workers=where["workers"] if words.multirun else 0))
+
+    def finish(results: "Results") -> int:
+        print_tables(results, partial(in_processes, workers=where["workers"] if words.multirun else 0))
+        return then(results)
+
     return carry_out(Plan(cells=tuple(cells)), path, again, finish, sum(wrong.values()), **where, **words.kept)

@@ -3,6 +3,7 @@
 import re
 import webbrowser
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,8 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from navbench.analysis.stored import StoredResults
+    from navbench.experiments.store import Results
 
 HELP = """navbench show DIR [episode=K] [robot=I]: draw one episode of a results directory of a run, a sweep or a study
+navbench show controller=NAME world=NAME [episodes=N]: run them, and draw the first episode in which a robot failed
 navbench show controller=NAME: draw its fuzzy sets, control surfaces and rules, its ring, and list its parameters
 navbench show world=NAME [seed=S] [episodes=6]: draw the layouts of that many episodes
 navbench show robot=NAME: draw its body and wheels
@@ -56,24 +59,44 @@ def show(arguments: Sequence[str]) -> int:
         raise DescriptionError(f"out={out}: must end in {' or '.join(FORMS)}")
     if len(words.names) > 1:
         raise DescriptionError(f"show {' '.join(words.names)}: name one results directory")
+    keep = partial(_keep, out=out, view=words.open)
     if words.names:
-        shown = _of_run(Path(words.names[0]), own)
-    else:
-        subject = next((key_of(word) for word in own if key_of(word) in SUBJECTS), None)
-        if subject is None:
-            raise DescriptionError("show: name a results directory, or one of controller=, world=, robot=, sensors=")
-        from navbench.cli.shown import draw_named
+        return keep(_of_run(Path(words.names[0]), own))
+    subjects = [key_of(word) for word in own if key_of(word) in SUBJECTS]
+    if {"controller", "world"} <= {*subjects}:
+        from navbench.cli.run import run
 
-        shown = Shown(*draw_named(subject, own, words.config_dir))
+        folder = ["--config-dir", words.config_dir] if words.config_dir else []
+        return run([*own, *folder], lambda results: keep(_of_results(results)))
+    if not subjects:
+        raise DescriptionError("show: name a results directory, or one of controller=, world=, robot=, sensors=")
+    from navbench.cli.shown import draw_named
+
+    return keep(Shown(*draw_named(subjects[0], own, words.config_dir)))
+
+
+def _keep(shown: Shown, out: str, view: bool) -> int:
+    """Save a picture, say where it is, open it where that is wanted, and return the exit code."""
     from navbench.report.figures import save_whole
 
     file = Path(out) if out else Path(f"{_file_name(shown.stem)}.png")
     save_whole(shown.figure, file)
     tell(shown.says)
     tell(f"figure: {file}")
-    if words.open and not webbrowser.open(file.absolute().as_uri()):
+    if view and not webbrowser.open(file.absolute().as_uri()):
         return complain(f"--open: there is no viewer here; the picture is {file}")
     return 0
+
+
+def _age(file: Path) -> float:
+    return file.stat().st_mtime
+
+
+def _of_results(results: "Results") -> Shown:
+    """Return the picture of what has just been run."""
+    from navbench.analysis.stored import StoredResults
+
+    return picture_of(StoredResults(results), {}, None, None)
 
 
 def _file_name(words: str) -> str:
@@ -94,6 +117,9 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
         given[key] = value
     if not path.is_dir():
         raise DescriptionError(f"show {path}: there is no such directory")
+    inner = sorted([*path.glob("*/manifest.json"), *path.glob("*/*/manifest.json")], key=_age)
+    if inner and not (path / "manifest.json").is_file():
+        raise DescriptionError(f"{path}: no results here; the newest within are in {inner[-1].parent}")
     cell = {key: given[key] for key in CELL if key in given}
     return picture_of(StoredResults(Results(path)), cell, number("episode", given), number("robot", given))
 
@@ -152,7 +178,7 @@ def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mappi
             raise DescriptionError(f"{key}={value}: there is no such cell; {instead(value, there, 'there are')}")
         found = left
     if len(found) != 1:
-        raise DescriptionError(f"{stored.results.path}: {len(found)} cells; {_choices(found)}")
+        raise DescriptionError(f"{stored.results.path}: {len(found)} cells; {_choices(found, stored.results)}")
     called, run_id = f"{found[0]['label']} in {found[0]['world']}", found[0]["run_id"]
     if run_id not in set(stored.rows["run_id"]):
         raise DescriptionError(f"{stored.results.path}: no episode of {called} is there yet")
@@ -161,10 +187,15 @@ def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mappi
     return found[0]
 
 
-def _choices(cells: Sequence[Mapping[str, Any]]) -> str:
+def _choices(cells: Sequence[Mapping[str, Any]], results: "Results") -> str:
     """Return how one of some cells is chosen: all of them with their digits, or of many the words they differ in."""
     if len(cells) <= LISTED_MAX:
-        told = [f"{cell['label']} in {cell['world']} (run_id={cell['run_id'][:8]})" for cell in cells]
+        from navbench.report.runs import Joined
+
+        every = {cell["run_id"]: cell for cell in Joined([results]).manifest()["cells"]}  # with what tells them apart
+        told = [
+            f"{every[run]['label']} in {every[run]['name']} (run_id={run[:8]})" for run in (c["run_id"] for c in cells)
+        ]
         return f"choose one by {'=, '.join(CELL[:-1])}= or {CELL[-1]}=: {'; '.join(told)}"
     words = {key: dict.fromkeys(cell[key] for cell in cells) for key in reversed(CELL)}
     told = [f"{key}={', '.join(values)}" for key, values in words.items() if len(values) > 1]

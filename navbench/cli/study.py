@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from navbench.cli.catalogue import CONF, files_of
+from navbench.cli.catalogue import CONF, elsewhere, files_of
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
 
@@ -31,7 +31,8 @@ def study(arguments: Sequence[str]) -> int:
     known = files_of("study", [CONF, *([Path(words.config_dir)] if words.config_dir else [])])
     if len(words.names) != 1 or words.names[0] not in known:
         given = " ".join(["study", *words.names])
-        raise DescriptionError(f"{given}: name one study; {instead(given[6:], known, 'there are')}")
+        which = elsewhere("study", given[6:]) or instead(given[6:], known, "there are")
+        raise DescriptionError(f"{given}: name one study; {which}")
     asked, others = _otherwise(words.overrides, words.config_dir)
     from navbench.cli.engine import where
     from navbench.cli.flow import carry_out

@@ -21,11 +21,15 @@ NAMES = ("controller", "world", "robot", "sensors", "simulator")
 def print_tables(results: Results, each: "Each" = map) -> None:
     """Write the tables and the picture, and print what a person asks for first; arguments as below."""
     from navbench.analysis.stored import StoredResults
+    from navbench.report.runs import Joined
     from navbench.report.tables import failures, to_text
 
     table = write_tables(results, each)
     print(to_text(table))
-    for line in (*failures(results.episodes()), *StoredResults(results).missing):
+    stored = StoredResults(Joined([results]))  # which tells cells of one controller in one world apart
+    rows = stored.episodes.drop_duplicates(["run_id", "episode", "robot_index"])  # in the order of the plan
+    told = failures(rows.assign(controller=rows["label"], world=rows["name"]))
+    for line in (*told, *stored.missing):
         print(flat(line))
     sampled = _drawn(results).says
     if sampled:

@@ -105,7 +105,7 @@ def _evaluations(driven: Sequence[_Driven], first_index: int, count: int) -> lis
         mine = [one for one in driven if one.evaluation == index]
         costs = [one.cost for one in mine if one.cost is not None]
         cost = math.fsum(costs) / len(costs) if costs else math.inf
-        evaluations.append(Evaluation(cost, sum(one.reached for one in mine), len(mine)))
+        evaluations.append(Evaluation(cost, sum(one.reached for one in mine), len(costs)))
     return evaluations
 
 

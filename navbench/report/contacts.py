@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.report.drawing import Thing, corners_of
+from navbench.report.drives import named
 from navbench.world.layout import DrawnWorld
 from navbench.world.shapes import Box, Disc, Point, Polygon
 
@@ -51,8 +52,7 @@ def touch_of(
         thing: Thing = Disc(x_m, y_m, radius_m)
     else:
         thing = _standing(world, kind, index, float(t_s))
-    name = f"{kind} {index}" + (f" (R{index + 1})" if kind == "robot" else "")
-    return Touch(name, thing, nearest_of(thing, *place))
+    return Touch(named(kind, index), thing, nearest_of(thing, *place))
 
 
 def _standing(world: DrawnWorld, kind: str, index: int, t_s: float) -> Thing:

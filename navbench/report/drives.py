@@ -26,7 +26,7 @@ class Drive:
     @property
     def name(self) -> str:
         """What pictures call it: R1, R2, ..."""
-        return f"R{self.row['robot_index'] + 1}"
+        return named("robot", self.row["robot_index"])
 
     @property
     def length_m(self) -> float:
@@ -37,8 +37,14 @@ class Drive:
     def end(self) -> str:
         """How it ended, such as "collided after 3.20 s: hit box 1"."""
         after = f" after {self.path['t_s'].iloc[-1]:.2f} s" if len(self.path) else ""
-        why = f": {self.row['reason']}" if self.row["reason"] else ""
+        reason, kind, index = str(self.row["reason"]), str(self.row["hit"]), int(self.row["hit_index"])
+        why = f": {reason.replace(f'{kind} {index}', named(kind, index))}" if reason else ""
         return f"{str(self.row['outcome']).replace('_', ' ')}{after}{why}"
+
+
+def named(kind: str, index: int) -> str:
+    """Return what pictures call a thing of some kind: "box 1", but a robot R1, R2, ..."""
+    return f"R{index + 1}" if kind == "robot" else f"{kind} {index}"
 
 
 def active_of(path: "pd.DataFrame") -> dict[str, NDArray[np.bool_]]:

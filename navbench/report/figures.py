@@ -53,7 +53,7 @@ METADATA: dict[str, dict[str, str | None]] = {  # what would differ from one tim
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
 }
-TITLE_INCHES = 0.3  # above all panels
+ROW_INCHES, TITLE_INCHES = 5.6, 0.3  # of panels with what stands around them, and above all panels
 STACK_INCHES = 10.0  # how wide a picture of blocks is
 DPI = 110  # of a PNG; an SVG has its own
 
@@ -191,9 +191,9 @@ def draw_cells(panels: "Sequence[Panel | None]", title: str = "") -> "Figure":
 
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    width, height = 5.2 * columns, 5.6 * rows  # inches
-    figure = Figure(figsize=(width, height))
     top = 0.7 + TITLE_INCHES * bool(title)
+    width, height = 5.2 * columns, ROW_INCHES * rows + top - 0.7
+    figure = Figure(figsize=(width, height))
     figure.subplots_adjust(0.7 / width, 0.8 / height, 1.0 - 0.2 / width, 1.0 - top / height, 0.9 / 4.3, 1.5 / 4.1)
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12)
     for place, panel in enumerate(panels, 1):
@@ -230,7 +230,8 @@ def draw_cell(
         ax.plot([], [], color=COLOURS[name], label=f"{LABELS[name]}: {_count(outcomes, name)}")[0] for name in seen
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.4, ncols=4, frameon=False)
-    ax.set_title(f"{cell['controller']} in {cell['world']}" + _numbers(driven(episodes)) + sample, wrap=True, y=1.0)
+    name = cell["name"] if cell["name"].startswith(cell["world"]) else cell["world"]  # of a sweep's, with what differs
+    ax.set_title(f"{cell['label']} in {name}" + _numbers(driven(episodes)) + sample, wrap=True, y=1.0)
 
 
 def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any, str], radius_m: float) -> str:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.files import replacing
 from navbench.experiments.store import Results
-from navbench.report.figures import COLUMNS, DPI, PATH, Panel, draw_cells
+from navbench.report.figures import COLUMNS, DPI, PATH, TITLE_INCHES, Panel, draw_cells
+from navbench.report.runs import Joined
 from navbench.world.layout import DrawnWorld
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def save_trajectories(results: Results, runs: Sequence[str], file: Path, each: E
     """
     from matplotlib.image import imsave
 
-    stored, episodes = StoredResults(results), results.episodes()
+    stored, episodes = StoredResults(Joined([results])), results.episodes()
     told = [
         (stored.configuration(run), stored.world_in_common(run), episodes[episodes["run_id"] == run]) for run in runs
     ]
@@ -66,6 +67,6 @@ def _draw(row: _Row) -> NDArray[np.uint8]:
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())
-    height = len(pixels) // -(-row.of // COLUMNS)
-    top = row.first // COLUMNS * height
-    return pixels[top : top + height].copy()
+    above = round(DPI * TITLE_INCHES) * bool(row.title)  # the first row has it
+    place, height = row.first // COLUMNS, (len(pixels) - above) // -(-row.of // COLUMNS)
+    return pixels[place * height + above * (place > 0) : (place + 1) * height + above].copy()

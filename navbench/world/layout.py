@@ -101,7 +101,7 @@ class Layout:
         """Check what no single value shows: counts, bounds, goals inside obstacles, the finish line."""
         if not self.starts or len(self.starts) != len(self.goals):
             raise DescriptionError(
-                f"goals: one a start and at least one are needed, got {len(self.goals)} for {len(self.starts)} starts"
+                f"goals: must be as many as starts, and at least one; got {len(self.goals)} for {len(self.starts)}"
             )
         b = self.bounds
         inside = f"inside the bounds x [{b.x_min_m}, {b.x_max_m}], y [{b.y_min_m}, {b.y_max_m}]"

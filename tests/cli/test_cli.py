@@ -11,11 +11,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from commands import NAVBENCH, Command, Done, in_a_process
+from stored import a_cell, a_record, store
 
 import navbench
 from navbench.cli import main as cli
 from navbench.cli.catalogue import CONF, files_of
 from navbench.experiments.store import Results
+from navbench.metrics import DECLARED
 from navbench.validation import DescriptionError
 
 GO = ("controller=go_to_goal", "world=empty")
@@ -187,6 +189,7 @@ WRONG = [
     ((*GO, "hydra.run.dir=new/${nope}"), "hydra.run.dir", "'nope' not found"),
     ((*GO, "hydra.run.dir=/proc/nope"), "/proc/nope: No such file"),
     (("lst",), "lst: unknown verb; did you mean list? "),
+    (("run", *GO), "run: unknown verb; a run has none: navbench controller=sflc world=deadlock"),
     (("plot", "results"), "plot: unknown verb; did you mean show? "),
     (("list", "wrld"), "list wrld: unknown group; did you mean world? "),
     (("study", "aouf2018"), "did you mean aouf2019? "),
@@ -194,6 +197,9 @@ WRONG = [
     ((*GO, "seed", "=", "3"), "seed: cannot be read; a word is key=value without spaces"),
     (("--controller=pid",), "--controller=pid: unknown flag; did you mean controller=pid? "),
     (("controller=pid", "world=deadlok"), "world=deadlok: unknown choice; did you mean deadlock?\n"),
+    (("controller=pid", "world=empty", "controller.kp=3"), "controller.kp: unknown key; did you mean controller.build"),
+    ((*GO, "noise_std_m=1"), "noise_std_m: unknown key; did you mean sensors.noise_std_m?"),
+    (("controller=nan", "world=empty"), "controller=nan: must be one name; `navbench list controller` prints them"),
     ((*GO, "episods=3"), "episods: unknown key; did you mean episodes?"),
     ((*GO, "world.boxes=[{x_m: 1.0, y_m: 1.0, length_m: 0.2, width_m: 0.2}, {length_m: long}]"),
      "world.boxes[1].length_m='long': must be a number"),
@@ -322,6 +328,9 @@ def test_a_wrong_controller_of_a_user_is_refused_in_one_line(
     assert files_in(tmp_path) == before
 
 
+BOXES = "time_limit_s: 30\nboxes: [{x_m: 2, y_m: 2, length_m: 0.1, width_m: 0.1}"
+
+
 @pytest.mark.parametrize(
     ("line", "instead", "said"),
     [
@@ -330,6 +339,21 @@ def test_a_wrong_controller_of_a_user_is_refused_in_one_line(
         ("time_limit_s: 30", "time_limt_s: 30", "world/mine.yaml: world.time_limt_s: unknown key; did you mean time"),
         ("time_limit_s: 30", "time_limit_s: .nan", "world.time_limit_s=nan: must be a finite number"),
         ("starts: [{x_m: 0, y_m: 0}]", "starts: {x_m: 0, y_m: 0}", "world/mine.yaml: "),
+        (
+            "time_limit_s: 30",
+            BOXES + ", {x: 0, y: 0}]",
+            "world/mine.yaml: world.boxes[1].x: unknown key; allowed here: x_m",
+        ),
+        (
+            "time_limit_s: 30",
+            BOXES + ", {length_m: long}]",
+            "world/mine.yaml: world.boxes[1].length_m=long: must be a num",
+        ),
+        (
+            "time_limit_s: 30",
+            BOXES + "]\nwalls: [{x_m: 0, y1_m: 1}]",
+            "world.walls[0].x_m: unknown key; did you mean x",
+        ),
         ("goals: [{x_m: 0.5, y_m: 0}]", "goals: [{x_m: 0.5}]", "world.goals[0].y_m: missing"),
     ],
 )
@@ -340,6 +364,44 @@ def test_a_wrong_world_of_a_user_is_refused_in_one_line(
     before = files_in(tmp_path)
     check_refused(command("controller=go_to_goal", "world=mine", "--config-dir", "conf"), said)
     assert files_in(tmp_path) == before
+
+
+def test_a_forgotten_folder_is_named(command: Command, tmp_path: Path) -> None:
+    write(tmp_path, {"conf/world/mine.yaml": WORLD_YAML, "conf/study/asks.yaml": ""})
+    check_refused(
+        command("controller=go_to_goal", "world=mine"), "mine: unknown choice; did you forget --config-dir conf?"
+    )
+    check_refused(command("study", "asks"), "study asks: name one study; did you forget --config-dir conf?")
+
+
+def test_the_metrics_are_listed_with_their_units(command: Command) -> None:
+    printed = command("list", "metric").out
+    assert "  goal_distance_m      from the centre to the goal at the end [m]\n" in printed
+    assert len(printed.splitlines()) == 1 + len(DECLARED)
+
+
+def test_the_failures_of_a_sweep_come_in_its_order_and_say_what_tells_its_cells_apart(command: Command) -> None:
+    words = (
+        "-m",
+        "controller=go_to_goal",
+        "world=deadlock",
+        "controller.build.speed_mps=0.3,0.1,0.2",
+        "simulator=planar",
+    )
+    failed = [line for line in command(*words, "workers=0").out.splitlines() if line.startswith("go_to_goal (")]
+    assert [line.split(",")[0] for line in failed] == [
+        f"go_to_goal (speed_mps={x}) in deadlock" for x in (0.3, 0.1, 0.2)
+    ]
+
+
+def test_a_report_of_several_directories_does_not_replace_that_of_one(command: Command, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        store(tmp_path / name, [(a_cell(name), [a_record()])])
+    assert command("report", "one").code == 0
+    before = (tmp_path / "one/report/report.md").read_bytes()
+    check_refused(command("report", "one", "two"), "report one two: name where their report is to go, as out=DIR")
+    assert command("report", "one", "two", "out=both").code == 0
+    assert (tmp_path / "one/report/report.md").read_bytes() == before
 
 
 def test_a_users_file_does_not_hide_behind_one_of_the_same_name(command: Command, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import yaml
 from commands import Command, typed
 
 from navbench.cli import new as module
+from navbench.cli.catalogue import CONF
 from navbench.sources import check_sources
 
 WRITTEN = {
@@ -115,6 +116,10 @@ def test_a_file_that_cannot_be_written_leaves_none_behind(tmp_path: Path, comman
         (("world", "_part"), "_part: must be a Python name"),
         (("controller", "class"), "class: must be a Python name"),
         (("controller", "sflc"), "sflc: navbench has a controller of that name; choose another one"),
+        (
+            ("world", "corner", "--config-dir", str(CONF)),
+            f"{CONF}/world/corner.yaml: is there already; choose another name",
+        ),
         (("controller", "numpy"), "numpy: there is a Python module of that name; choose another one"),
         (("world", "mine", "--config-dir", "nowhere"), "--config-dir=nowhere: there is no such folder"),
         (("world", "mine", "--force"), "--force: unknown flag; allowed: --config-dir, --help"),

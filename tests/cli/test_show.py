@@ -70,6 +70,7 @@ def test_an_episode_is_drawn_the_first_that_failed_unless_one_is_chosen(
         (("none",), "show none: there is no such directory"),
         (("one", "two"), "show one two: name one results directory"),
         (("empty",), "empty: no results here: manifest.json is missing"),
+        ((".",), ".: no results here; the newest within are in bare"),
         (("bare",), "bare: no trajectories are kept of A in plain"),
         (("one", "episode=4"), "episode=4: there is no such episode; episodes 0 to 3"),
         (("one", "episode=-1"), "episode=-1: must be a whole number, at least 0"),
@@ -95,6 +96,20 @@ def test_what_cannot_be_shown_is_said_in_one_line(
     assert {path for path in here.rglob("*")} == before
 
 
+def test_a_controller_in_a_world_is_run_and_its_first_failure_drawn(command: Command, tmp_path: Path) -> None:
+    words = ("controller=go_to_goal", "world=random_discs", "episodes=3", "simulator=planar", "hydra.run.dir=ran")
+    done = command("show", *words, "out=failure.svg")
+    assert done.code == 0, done.err
+    assert re.search(r"^go_to_goal +random_discs +disc4 +\d of 9 ", done.out, re.M)
+    assert re.search(
+        r"\nresults: ran\ngo_to_goal in random_discs, episode \d: the .*\nfigure: failure.svg\n$", done.out
+    )
+    assert (tmp_path / "failure.svg").is_file()
+    again = command("show", "ran", "out=again.svg")
+    assert again.out.splitlines()[0] == done.out.splitlines()[-2]
+    assert (tmp_path / "again.svg").read_bytes() == (tmp_path / "failure.svg").read_bytes()
+
+
 def check_refused(done: Done) -> None:
     assert done.code == 2
     assert done.out == ""
@@ -105,6 +120,13 @@ def test_many_cells_are_told_by_what_they_differ_in(tmp_path: Path, command: Com
     cells = [(a_cell(label, world), [a_record()]) for label in "ABCD" for world in ("plain", "other")]
     store(tmp_path / "many", cells)
     assert "many: 8 cells; choose one by world=plain, other; label=A, B, C, D; run_id=" in command("show", "many").err
+
+
+def test_cells_of_one_controller_in_one_world_are_told_apart(tmp_path: Path, command: Command) -> None:
+    cells = [(a_cell("pid", name=f"n{kp}", kp=kp), [a_record()]) for kp in (1, 2)]
+    store(tmp_path / "sweep", cells)
+    said = "pid (kp=1) in plain (run_id=pid-plai); pid (kp=2) in plain (run_id=pid-plai)"
+    assert said in command("show", "sweep").err
 
 
 def test_open_hands_the_picture_to_the_viewer(here: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,6 +98,19 @@ goals: [{x_m: 0.8, y_m: 0.5}]
 goal_tolerance_m: 0.1
 time_limit_s: 20.0
 """
+ROOMS = """
+from dataclasses import dataclass
+
+from navbench.world import Bounds, Layout, Point, Start
+
+
+@dataclass(frozen=True)
+class Odd:
+    def draw(self, rng, episode):
+        if episode % 2:
+            raise ValueError("no room")
+        return Layout(bounds=Bounds.of(2, 2), starts=(Start(0.5, 1.0),), goals=(Point(1.5, 1.0),))
+"""
 WORDS = ["controller=steer", "tuner=ga", "objective=time", "world=aside", "budget=88"]
 
 
@@ -139,6 +152,15 @@ def test_a_subtree_stands_for_every_parameter_below_it_and_starts_where_the_cont
         "rules.turn.ahead": "none",
         "rules.turn.right": "hard_left",
     }
+
+
+def test_of_a_layout_that_could_not_be_drawn_no_robot_is_counted(folder: Path) -> None:
+    (folder / "toy_rooms.py").write_text(ROOMS)
+    world = "source: {_target_: toy_rooms.Odd}\ngoal_tolerance_m: 0.1\ntime_limit_s: 20.0\n"
+    (folder / "conf/world/odd.yaml").write_text(f"{WORLD.splitlines()[1]}\n{world}")
+    words = ["controller=pid", "tuner=random", "world=odd", "episodes=4", "budget=10"]
+    tuning, _, _ = compose_tuning(words, str(folder / "conf"))
+    assert {(one.reached, one.robots) for one in run_tuning(tuning).evaluations} == {(2, 2)}
 
 
 def test_only_a_tuning_with_a_repair_says_so_in_its_configuration(folder: Path) -> None:

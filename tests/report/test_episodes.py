@@ -15,6 +15,7 @@ from navbench.analysis.stored import StoredResults
 from navbench.records import Thing
 from navbench.report.contacts import nearest_of, touch_of
 from navbench.report.drawing import MOVER, draw_obstacles
+from navbench.report.drives import Drive
 from navbench.report.episodes import draw_episode, mark_step_s
 from navbench.report.strips import trace_groups
 from navbench.world import Bounds, Box, Disc, Mover, Point, Polygon, Wall
@@ -68,7 +69,7 @@ def test_what_was_hit_stands_where_it_was_at_that_instant() -> None:
     assert touched("wall", 0) == ("wall 0", (2.9, 1.0))
     assert touched("box", 0) == ("box 0", (-1.5, 0.5))
     ended = a_path((0.0, 5.0, 2.0), (1.0, 3.0, 2.0))  # a robot that has ended stays where it was
-    assert touched("robot", 1, ended) == ("robot 1 (R2)", (2.75, 2.0))
+    assert touched("robot", 1, ended) == ("R2", (2.75, 2.0))
     assert touch_of(world, {"hit": "", "hit_index": -1, "robot_index": 0}, [end], 0.25) is None
 
 
@@ -170,6 +171,11 @@ def test_movers_are_drawn_where_they_are_at_the_time_marks_and_at_the_end(tmp_pa
     alone = draw_episode(stored, run_id, 0, robot=1)
     assert "robot 1 (R2) of 2 timed out after 3.00 s" in text_of(alone)
     assert "R1" not in words_in(alone.axes[0])
+
+
+def test_a_robot_that_was_hit_is_called_what_the_picture_calls_it() -> None:
+    row = {"robot_index": 0, "outcome": "collided", "reason": "hit robot 11", "hit": "robot", "hit_index": 11}
+    assert Drive(row, a_path((0.0, 0.0, 0.0), (1.5, 1.0, 0.0)), "red").end == "collided after 1.50 s: hit R12"
 
 
 def rgb(color: str) -> tuple[float, float, float]:

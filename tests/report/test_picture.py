@@ -25,6 +25,15 @@ def test_a_picture_drawn_by_rows_is_to_the_last_bit_the_figure_drawn_whole(tmp_p
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
 
 
+def test_below_a_title_rows_are_whole(tmp_path: Path) -> None:
+    stored = store(tmp_path / "kept", [(a_cell(label), [a_record("collided")]) for label in "ABCDEFG"])
+    runs = list(stored.cells["run_id"])
+    save_trajectories(stored.results, runs, tmp_path / "rows.png", title="seven cells")
+    panels = [panel_of(stored, run, stored.episodes[stored.episodes["run_id"] == run]) for run in runs]
+    draw_cells(panels, "seven cells").savefig(tmp_path / "whole.png", dpi=110)
+    assert (imread(tmp_path / "rows.png") == imread(tmp_path / "whole.png")).all()
+
+
 def test_an_empty_place_moves_no_panel(tmp_path: Path) -> None:
     stored = store(tmp_path / "kept", [(a_cell("A"), [a_record()])])
     panel = panel_of(stored, stored.cells["run_id"][0], stored.episodes)
