@@ -87,6 +87,8 @@ def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, ag
         OSError: nothing was begun.
     """
     interrupted = isinstance(error, KeyboardInterrupt)
+    if isinstance(error, OSError) and not (error.filename or stage):
+        error.filename = str(path)
     kept = (path / "manifest.json").is_file()
     if isinstance(error, MachineError) and not kept:
         complain(f"{error}; nothing is kept")
