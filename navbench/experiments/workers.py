@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from navbench.episode.timeout import EXPIRED, stop_timers
 from navbench.experiments.code import changed, loaded
+from navbench.output import shielded
 from navbench.raised import one_line
 from navbench.validation import DescriptionError
 
@@ -216,6 +217,8 @@ def _without_main() -> Iterator[None]:
 def _work(batches: Connection, says: Connection, code: Mapping[str, str]) -> None:
     """Do one batch after another, until the driver ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    shielded("stdout", 1)  # no controller fails because nobody reads what it prints
+    shielded("stderr", 2)
     if GROUPS:
         os.setsid()
         faulthandler.enable(says.fileno(), all_threads=False)
