@@ -654,6 +654,20 @@ def test_an_output_that_nobody_reads_is_no_error(tmp_path: Path, redirection: st
     assert (tmp_path / "here/trajectories.png").is_file()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="workers have sockets in a folder on Linux alone")
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_temporary_folder_of_too_long_a_name_is_one_line(tmp_path: Path, workers: int) -> None:
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir()
+    words = ("controller=go_to_goal", "world=empty", "simulator=planar", f"workers={workers}", "hydra.run.dir=here")
+    given = {**os.environ, "TMPDIR": str(folder)}
+    done = subprocess.run([NAVBENCH, *words], cwd=tmp_path, env=given, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 * workers
+    said = f"navbench: TMPDIR={folder}: must be at most 70 bytes long, for the sockets in it\n"
+    assert done.stderr == said * workers
+    assert (tmp_path / "here").exists() == (not workers)
+
+
 @pytest.mark.parametrize("redirection", ["| true", ">&- 2>&-", "> /dev/full 2> /dev/full"])
 def test_no_controller_fails_because_nobody_reads_what_it_prints(tmp_path: Path, redirection: str) -> None:
     code = "import sys\n\nclass Loud:\n    def reset(self, setup, rng): pass\n    def act(self, observation):\n"
