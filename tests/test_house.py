@@ -24,6 +24,7 @@ FLOORS = {
     "policy": 0,
     "learning": 0,
     "raised": 0,
+    "output": 0,
     "reading": 0,
     "importing": 0,
     "tuning": 0,

@@ -1,7 +1,8 @@
 """What may be wrong with a configuration, each as one short line."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -62,6 +63,37 @@ def one_line(error: BaseException) -> str:
     lines = [line.strip() for line in str(error).splitlines()]
     kept = " ".join(line for line in lines if line and not line.startswith(dropped))
     return kept or " ".join(lines) or type(error).__name__
+
+
+@contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Turn what is wrong with a configuration, a file or a path into a ``DescriptionError`` of one line."""
+    try:
+        yield
+    except (*CONFIGURATION_ERRORS, ValueError) as error:
+        raise DescriptionError(" ".join(one_line(error).split())) from None
+
+
+def texts(words: Sequence[object]) -> list[str]:
+    """Return words that a program gives; raises ``DescriptionError`` where one is none."""
+    for word in words:
+        if not isinstance(word, str):
+            raise DescriptionError(f"{word!r:.80}: must be a word, such as 'episodes=10'")
+    return [str(word) for word in words]
+
+
+def path_of(key: str, given: object) -> Path:
+    """Return a path that a program gives; raises ``DescriptionError`` where it is none."""
+    if not isinstance(given, str | Path) or str(given) == "" or "\0" in str(given):
+        raise DescriptionError(f"{key}={given!r:.80}: must be a path")
+    return Path(given)
+
+
+def check_flags(**flags: object) -> None:
+    """Check what a program says yes or no to; raises ``DescriptionError`` where it says neither."""
+    for key, given in flags.items():
+        if not isinstance(given, bool):
+            raise DescriptionError(f"{key}={given!r:.80}: must be True or False")
 
 
 def _wrong_value(text: str, cause: OmegaConfBaseException, folders: Iterable[str]) -> str:

@@ -57,8 +57,6 @@ def carry_out(
                 step = told.last
         step, stage = Step("episodes", ran.finished, ran.planned), ", while tables and figures were written"
         code = finish(ran.results) or 0
-    except BrokenPipeError:  # who reads the output has seen enough
-        raise
     except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
         return _stopped(error, step, stage, path, shlex.join(["navbench", *again]))
     planned = ran.planned + missing
@@ -87,6 +85,8 @@ def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, ag
         OSError: nothing was begun.
     """
     interrupted = isinstance(error, KeyboardInterrupt)
+    if isinstance(error, OSError) and not (error.filename or stage):
+        error.filename = str(path)
     kept = (path / "manifest.json").is_file()
     if isinstance(error, MachineError) and not kept:
         complain(f"{error}; nothing is kept")

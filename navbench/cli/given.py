@@ -85,8 +85,10 @@ def given_words(
         several = isinstance(value, list | tuple | range) and key != "metrics"
         if several and not sweep:
             raise DescriptionError(f"{key}={value!r:.80}: must be one value; navbench.sweep takes several")
-        if value is None or several and not value:
+        if value is None:
             continue
+        if several and not value:
+            raise DescriptionError(f"{key}={value!r}: must hold at least one value")
         told = [_word(key, one, found.things) for one in (value if several else [value])]
         found.words.append(f"{key}={','.join(told)}")
     _check_names(found.things, [CONF, *([Path(config_dir)] if config_dir else [])])

@@ -1,8 +1,7 @@
 """The Python interface: what the command line does, with objects where it has names, and results that stay at hand."""
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import RLock
 from typing import Any, NamedTuple, TypeAlias, TypeVar
@@ -11,7 +10,7 @@ from navbench.cli.check import UNLESS_GIVEN
 from navbench.cli.composing import composing, key_of
 from navbench.cli.configuration import cell_of
 from navbench.cli.engine import Where, where_of
-from navbench.cli.errors import CONFIGURATION_ERRORS, one_line
+from navbench.cli.errors import check_flags, one_line_errors, path_of, texts
 from navbench.cli.given import AnyController, AnyRobot, AnySensors, AnyWorld, Values, given_words
 from navbench.cli.result import Result
 from navbench.cli.tables import write_tables
@@ -156,10 +155,11 @@ def load(path: str | Path) -> Result:
     Raises:
         DescriptionError: there are no results.
     """
-    folder = _path("path", path)
-    if not folder.is_dir():
-        raise DescriptionError(f"load {path}: there is no such directory")
-    return Result(folder)
+    folder = path_of("path", path)
+    with one_line_errors():
+        if not folder.is_dir():
+            raise DescriptionError(f"load {path}: there is no such directory")
+        return Result(folder)
 
 
 def check(
@@ -185,7 +185,7 @@ def check(
         "controller": controller, "world": world, "robot": robot, "sensors": sensors, "simulator": simulator,
         "episodes": episodes, "seed": seed,
     }  # fmt: skip
-    given = {*map(key_of, _texts(words)), *(key for key, value in choices.items() if value is not None)}
+    given = {*map(key_of, texts(words)), *(key for key, value in choices.items() if value is not None)}
     added = [f"{key}={value}" for key, value in UNLESS_GIVEN.items() if key not in given]
     with one_line_errors():
         (cell,) = cells_of([*added, *words], choices, config_dir).cells
@@ -206,8 +206,11 @@ def cells_of(
     Raises:
         DescriptionError: a wrong value; and what ``Composer.command`` raises.
     """
-    folder = None if config_dir is None else _path("config_dir", config_dir)
-    given = given_words(_texts(words), choices, folder, sweep=sweep)
+    folder = None if config_dir is None else path_of("config_dir", config_dir)
+    for word in texts(words):
+        if key_of(word).startswith("hydra"):
+            raise DescriptionError(f"{word}: is for the command line; here the argument dir says where results go")
+    given = given_words(words, choices, folder, sweep=sweep)
     makers = {thing.name: thing.make for thing in given.things if thing.make is not None}
     with composing(folder, [thing[:3] for thing in given.things]) as composer:
         composed = list(composer.command("run", given.words, sweep=sweep)[0])
@@ -226,36 +229,17 @@ def cells_of(
 
 def _carried_out(asked: Asked, dir: str | Path | None, progress: Progress, **kept: Any) -> Result:
     """Run cells and return what they did; arguments as of ``run``."""
+    check_flags(**kept)
+    if not callable(progress):
+        raise DescriptionError(
+            f"progress={progress!r:.80}: must be a function of what is under way, done, and of how many"
+        )
     own = tempfile.TemporaryDirectory(prefix="navbench-", ignore_cleanup_errors=True) if dir is None else None
-    path = _path("dir", own.name if own else dir)
+    path = path_of("dir", own.name if own else dir)
     if path.exists() and not path.is_dir():
         raise DescriptionError(f"{path}: is a file; results need a directory")
     with RUNNING:
-        ran = run_plan(Plan(cells=tuple(asked.cells)), path, **asked.where, progress=progress, **kept)
+        ran = run_plan(Plan(cells=tuple(asked.cells)), path, progress=progress, **asked.where, **kept)
         if own is None:
             write_tables(Results(path))
     return Result(path, (*asked.wrong, *ran.reasons), own)
-
-
-def _texts(words: Sequence[object]) -> list[str]:
-    """Return words; raises ``DescriptionError`` where one is none."""
-    for word in words:
-        if not isinstance(word, str):
-            raise DescriptionError(f"{word!r:.80}: must be a word, such as 'episodes=10'")
-    return [str(word) for word in words]
-
-
-def _path(key: str, given: object) -> Path:
-    """Return a path; raises ``DescriptionError`` where it is none."""
-    if not isinstance(given, str | Path):
-        raise DescriptionError(f"{key}={given!r:.80}: must be a path")
-    return Path(given)
-
-
-@contextmanager
-def one_line_errors() -> Iterator[None]:
-    """Turn what is wrong with a configuration into a ``DescriptionError`` of one line."""
-    try:
-        yield
-    except (*CONFIGURATION_ERRORS, ValueError) as error:
-        raise DescriptionError(one_line(error)) from None

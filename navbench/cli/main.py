@@ -1,7 +1,6 @@
 """The command line: picks the verb, runs it, prints, and turns what is wrong into one line and exit code 2."""
 
 import gc
-import io
 import os
 import sys
 from collections.abc import Sequence
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from navbench import __version__
 from navbench.cli.progress import complain
+from navbench.output import shielded
 
 HELP = """navbench: compare reactive navigation controllers of wheeled robots in simulated worlds
 
@@ -77,18 +77,17 @@ def main() -> None:
         try:
             os.fstat(descriptor)
         except OSError:  # closed by >&-: the next file opened would get its number, and what is printed
-            os.open(os.devnull, os.O_RDWR)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # what its encoding has no character for, as on stderr
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # by workers, too
+    printed = shielded("stdout", 1)
+    shielded("stderr", 2)
     try:
         code = _command(sys.argv[1:])
-        print(end="", flush=True)
-    except OSError as error:  # of the output: the reader of a pipe, such as head, has seen enough, or a disk is full
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python writes what is left when it ends
-        code = 0 if isinstance(error, BrokenPipeError) else complain(f"the output: {error.strerror}")
     except KeyboardInterrupt:
         complain("interrupted")
         code = 130
+    print(end="", flush=True)
+    if printed.error and not isinstance(printed.error, BrokenPipeError):  # whose reader, such as head, has seen enough
+        code = code or complain(f"the output: {printed.error.strerror}")
     gc.freeze()  # else the interpreter looks through all objects once more before it ends
     sys.exit(code)
 
@@ -139,8 +138,6 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
             print(module.HELP, end="")
             return 0
         code: int = getattr(module, verb)(arguments)
-    except BrokenPipeError:
-        raise
     except (*CONFIGURATION_ERRORS, ValueError) as error:
         return complain(one_line(error))
     return code
@@ -162,7 +159,5 @@ def _list(arguments: list[str]) -> int:
     except DescriptionError as error:
         return complain(str(error))
     except OSError as error:
-        if error.filename is None:  # it is the output's
-            raise
         return complain(f"{error.filename}: {error.strerror}")
     return 0

@@ -79,8 +79,6 @@ def multiverse(arguments: Sequence[str]) -> int:
                 done += todo[index].size
                 told("reconstructions", done, total)
             files = _finish(of, samples, inner, options["search"], chosen["workers"], told)
-    except BrokenPipeError:  # who reads the output has seen enough
-        raise
     except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
         if isinstance(error, OSError) and not (samples.path / PRIOR).is_file():  # nothing was begun
             raise

@@ -12,6 +12,7 @@ from string import Template
 import navbench
 from navbench.cli.catalogue import CONF
 from navbench.cli.words import sort_words
+from navbench.experiments.files import replacing
 from navbench.validation import DescriptionError, instead
 
 HELP = """navbench new controller|world|robot|sensors|study NAME: write a template that runs, to change into your own
@@ -86,15 +87,14 @@ def _write(texts: Mapping[Path, str]) -> None:
         OSError: one cannot be written.
     """
     for place in texts:
-        if place.exists():
+        if os.path.lexists(place):  # also as a link that leads nowhere
             raise DescriptionError(f"{place}: is there already; choose another name")
     written: list[Path] = []
     try:
         for place, text in texts.items():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            with place.open("x", encoding="utf-8", newline="\n") as file:
-                written.append(place)
-                file.write(text)
+            with replacing(place) as temporary:
+                temporary.write_text(text, encoding="utf-8", newline="\n")
+            written.append(place)
     except BaseException:  # of an interrupt, too
         for place in written:
             place.unlink()

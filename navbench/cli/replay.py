@@ -1,11 +1,13 @@
 """One episode played again, in a window or as a video: robots, movers, rays, and the controller's own trace."""
 
+import errno
 import math
 import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -235,17 +237,26 @@ def _write_gif(
 
 
 def _write_mp4(file: Path, pictures: Iterator["NDArray[np.uint8]"], a_second: float) -> None:
-    from imageio_ffmpeg import write_frames
+    """Write pictures as a video; raises ``OSError`` where it then holds fewer, of which ffmpeg's caller is not told."""
+    from imageio_ffmpeg import count_frames_and_secs, write_frames
 
-    first = next(pictures)
+    first, sent = next(pictures), 0
     size = first.shape[1], first.shape[0]
-    writer = write_frames(file, size, fps=a_second, macro_block_size=2, output_params=["-f", "mp4"])
+    options = {"macro_block_size": 2, "ffmpeg_log_level": "quiet", "output_params": ["-f", "mp4"]}
+    writer = write_frames(file, size, fps=a_second, **options)
     writer.send(None)
     try:
-        for picture in (first, *pictures):
+        for picture in chain([first], pictures):
             writer.send(picture.tobytes())
+            sent += 1
+        writer.close()
+        whole = count_frames_and_secs(file)[0] == sent
+    except (OSError, RuntimeError):  # ffmpeg has ended, or the file is no video
+        whole = False
     finally:
         writer.close()
+    if not whole:
+        raise OSError(errno.EIO, "ffmpeg could not write the whole video; is there room?", str(file))
 
 
 def _with_window() -> "type[Simulator] | None":

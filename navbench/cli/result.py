@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from navbench.analysis.stored import StoredResults
+from navbench.cli.errors import check_flags, one_line_errors, path_of
 from navbench.experiments.store import Results
 from navbench.validation import DescriptionError
 
@@ -84,7 +85,8 @@ class Result:
         """
         from navbench.cli.show import picture_of
 
-        return picture_of(self._stored, cell, episode, robot).figure
+        with one_line_errors():
+            return picture_of(self._stored, {key: str(name) for key, name in cell.items()}, episode, robot).figure
 
     def report(self, out: str | Path, *, trust: bool = False, config_dir: str | None = None) -> Path:
         """Write the report of ``navbench report`` into a directory, and return its ``report.html``.
@@ -99,10 +101,14 @@ class Result:
         """
         from navbench.report.reports import write_report
 
-        written = write_report([self._stored.results], Path(out), trust=trust, config_dir=config_dir)
+        folder = path_of("out", out)
+        check_flags(trust=trust)
+        given = None if config_dir is None else str(path_of("config_dir", config_dir))
+        with one_line_errors():
+            written = write_report([self._stored.results], folder, trust=trust, config_dir=given)
         if written.problems:
             raise DescriptionError("; ".join(written.problems))
-        return Path(out) / "report.html"
+        return folder / "report.html"
 
     def __repr__(self) -> str:
         """Return how much is there, and the table that the command line prints."""

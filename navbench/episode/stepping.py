@@ -96,9 +96,11 @@ class Stepper:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         edges = np.linspace(0, places, threads + 1).astype(int).tolist()
         self._shares = list(zip(edges[:-1], edges[1:], strict=True))
+        self._closed = False
 
     def close(self) -> None:
         """End the threads, and close the simulators."""
+        self._closed = True
         if self._pool is not None:
             self._pool.shutdown()
         for runner in self._runners:
@@ -115,7 +117,9 @@ class Stepper:
 
         Raises:
             DescriptionError: no layout can be drawn, or it has another number of robots.
+            RuntimeError: it is closed.
         """
+        self._check_open()
         runner, index = self._runners[place], episode if self._layouts is None else episode % self._layouts
         drawn = self._drawn.get(index) or runner.draw(index)
         if self._layouts is not None:
@@ -159,9 +163,11 @@ class Stepper:
             commands: (places, robots, 2) v [m/s] and w [rad/s], native and finite.
 
         Raises:
-            RuntimeError: somewhere no episode was begun, or its time is over.
+            RuntimeError: somewhere no episode was begun, or it is over; or all is closed.
         """
-        if self._episodes is None or ((self.periods >= self.periods_max) & ~self.begun).any():
+        self._check_open()
+        over = (self.periods >= self.periods_max) | (self.outcomes != RUNNING).all(axis=1)
+        if self._episodes is None or (over & ~self.begun).any():
             raise RuntimeError("no episode goes on: reset begins one")
         if self._runners[0].senses.errs:
             for place in np.flatnonzero(((self.periods + 1) % BLOCK == 0) & ~self.begun).tolist():
@@ -182,6 +188,10 @@ class Stepper:
         pilot.states = self._states[place][index, : self._lasted[place, index]]
         runner.end(index, pilot)
         return runner.record(index, pilot)
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RuntimeError("it is closed; make another one")
 
     def _arguments(self, commands: FloatArray) -> tuple[Any, ...]:
         runner = self._runners[0]

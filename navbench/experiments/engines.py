@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 from pydantic.dataclasses import dataclass as described
 
 from navbench.experiments.crew import Crew, Task, kept
-from navbench.experiments.workers import Death, start_server
+from navbench.experiments.workers import Death, check_place, start_server
 from navbench.validation import STRICT, DescriptionError
 
 Batch = TypeVar("Batch")
@@ -118,7 +118,11 @@ def start(modules: Sequence[str]) -> None:
 
     Args:
         modules: what they import.
+
+    Raises:
+        DescriptionError: they cannot be started here.
     """
+    check_place()
     thread = Thread(target=start_server, args=(modules,))
     thread.start()
     thread.join()

@@ -22,12 +22,20 @@ TEMPORARY = ".*.tmp"  # what temporary files are called
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """Give a temporary file beside the wanted one, and rename it when all went well."""
+    """Give a temporary file beside the wanted one, and rename it when all went well.
+
+    Raises:
+        OSError: it cannot be written, such as on a full disk; it names the wanted file.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
     try:
         yield temporary
         os.replace(temporary, file)
+    except OSError as error:
+        if error.filename in (None, str(temporary), temporary):
+            error.filename = str(file)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -62,11 +70,11 @@ def locked(folder: Path) -> Iterator[None]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _held(folder / LOCK) as file:
-        file.truncate(0)
-        since = datetime.now(UTC).isoformat(timespec="seconds")
-        file.write(f"process {os.getpid()} on {platform.node()} since {since}")
-        file.flush()
         try:
+            file.truncate(0)
+            since = datetime.now(UTC).isoformat(timespec="seconds")
+            file.write(f"process {os.getpid()} on {platform.node()} since {since}")
+            file.flush()
             yield
         finally:
             with suppress(OSError):  # Windows removes no open file

@@ -15,17 +15,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import connection, current_process, get_context, parent_process
 from multiprocessing.connection import Connection
+from tempfile import gettempdir
 from traceback import format_exc
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from navbench.episode.timeout import EXPIRED, stop_timers
 from navbench.experiments.code import changed, loaded
+from navbench.output import shielded
 from navbench.raised import one_line
 from navbench.validation import DescriptionError
 
 NAME = "navbench worker"
 FORKS = sys.platform == "linux"
+PLACE_MAX = 70  # bytes of a path, below which the name of a socket, of at most 107, has another 37
 GROUPS = hasattr(os, "setsid")
 WATCH_S = 0.5  # between two looks at a worker
 LOOKS = 20  # the last ones, which tell a step that waits from one that gets no core
@@ -195,12 +198,23 @@ def start_server(modules: Sequence[str] = PRELOADED) -> None:
     """
     if not FORKS:
         return
+    check_place()
     from multiprocessing import forkserver, resource_tracker
 
     forkserver.set_forkserver_preload(list(modules))
     resource_tracker.ensure_running()  # which would let Ctrl-C through again
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread, for good
     forkserver.ensure_running()
+
+
+def check_place() -> None:
+    """Check that the sockets through which workers are begun have room for their names.
+
+    Raises:
+        DescriptionError: the folder for temporary files has too long a name.
+    """
+    if FORKS and len(os.fsencode(folder := gettempdir())) > PLACE_MAX:
+        raise DescriptionError(f"TMPDIR={folder}: must be at most {PLACE_MAX} bytes long, for the sockets in it")
 
 
 @contextmanager
@@ -216,6 +230,8 @@ def _without_main() -> Iterator[None]:
 def _work(batches: Connection, says: Connection, code: Mapping[str, str]) -> None:
     """Do one batch after another, until the driver ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    shielded("stdout", 1)  # no controller fails because nobody reads what it prints
+    shielded("stderr", 2)
     if GROUPS:
         os.setsid()
         faulthandler.enable(says.fileno(), all_threads=False)

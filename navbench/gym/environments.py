@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from navbench.gym.core import Core, Form, Observed, alone, cell_of_words
+from navbench.gym.core import Core, Form, Observed, alone, cell_of_words, episode_of, numbers, whole
 from navbench.gym.reward import Reward, progress
 from navbench.validation import DescriptionError
 
@@ -57,27 +57,27 @@ class NavigationEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
     ) -> None:
         cell = cell_of_words(words, choices, config_dir)
         self._core = Core(replace(cell, world=alone(cell.world)), reward, observation)
-        self._first = self._next = cell.first_episode
         self.observation_space, self.action_space = self._core.observation_space, self._core.action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Begin an episode, and return its first observation and its index.
 
         Raises:
-            DescriptionError: no layout can be drawn.
+            DescriptionError: no layout can be drawn, or the seed or an option is wrong.
         """
-        super().reset(seed=seed)
-        if seed is not None:
-            self._core.stepper.reseed(int(seed))
-            self._next = self._first
-        self._next = int((options or {}).get("episode", self._next))
-        episode = self._core.stepper.begin_next(0, self._next, 1)
-        self._next = episode + 1
+        episode = self._core.begin(seed, options)
+        super().reset(seed=None if seed is None else int(seed))
         return self._core.formed(self._core.perceive()[0, 0]), {"episode_index": episode}
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observed, float, bool, bool, Infos]:
-        """Drive through one control period."""
-        rewards, terminated, truncated = (part[0, 0].item() for part in self._core.step([[action]]))
+        """Drive through one control period.
+
+        Raises:
+            ValueError: the action is not two finite numbers, or the reward not one.
+            RuntimeError: no episode goes on.
+        """
+        told = self._core.step(numbers("action", action, (2,))[None, None])
+        rewards, terminated, truncated = (part[0, 0].item() for part in told)
         info = self._core.told(0, 0) if terminated or truncated else {}
         return self._core.formed(self._core.seen()[0, 0]), rewards, terminated, truncated, info
 
@@ -121,13 +121,14 @@ class NavigationVectorEnv(VectorEnv[Observed, NDArray[np.float32], NDArray[Any]]
         observation: Form = "flat",
         **choices: Any,
     ) -> None:
-        check_counts(num_envs=num_envs, threads=threads, layouts=1 if layouts is None else layouts)
+        num_envs, threads = whole("num_envs", num_envs, 1), whole("threads", threads, 1)
+        layouts = None if layouts is None else whole("layouts", layouts, 1)
         cell = cell_of_words(words, choices, config_dir)
         options = {"places": num_envs, "threads": threads, "layouts": layouts, "keeps": metrics}
         self._core = Core(replace(cell, world=alone(cell.world)), reward, observation, **options)
         self.num_envs, self._metrics = num_envs, metrics
         self._first = cell.first_episode
-        self._next, self._over = self._first + np.arange(num_envs), np.ones(num_envs, np.bool_)
+        self._next, self._over = self._first + np.arange(num_envs), np.zeros(num_envs, np.bool_)
         self.single_observation_space = self._core.observation_space
         self.single_action_space = self._core.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -139,23 +140,25 @@ class NavigationVectorEnv(VectorEnv[Observed, NDArray[np.float32], NDArray[Any]]
         """Begin an episode everywhere.
 
         Raises:
-            DescriptionError: no layout can be drawn.
-            ValueError: there is more than one seed.
+            DescriptionError: no layout can be drawn, there is more than one seed, or an episode is asked for.
         """
         if isinstance(seed, list):
-            raise ValueError(f"seed={seed}: must be one number, of which every environment drives other episodes")
-        super().reset(seed=seed)
+            raise DescriptionError(f"seed={seed}: must be one number, of which every environment drives other episodes")
+        if episode_of(options) is not None:
+            raise DescriptionError("options.episode: must not be there; every environment drives other episodes")
         if seed is not None:
-            self._core.stepper.reseed(int(seed))
+            self._core.stepper.reseed(whole("seed", seed))
             self._next = self._first + np.arange(self.num_envs)
+        super().reset(seed=None if seed is None else int(seed))
         episodes = self._begin(range(self.num_envs))
         self._over[:] = False
         return self._core.formed(self._core.perceive()[:, 0]), {"episode_index": episodes}
 
     def step(self, actions: NDArray[np.float32]) -> tuple[Observed, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
-        """Drive through one control period, or begin anew where an episode was over."""
+        """Drive through one control period, or begin anew where an episode was over; errors as of ``NavigationEnv``."""
+        asked = numbers("actions", actions, (self.num_envs, 2))[:, None]
         self._begin(np.flatnonzero(self._over).tolist())
-        told = self._core.step(np.asarray(actions)[:, None])
+        told = self._core.step(asked)
         terminated, truncated = told.terminated[:, 0], told.truncated[:, 0]
         self._over = terminated | truncated
         infos: Infos = {}
@@ -173,10 +176,3 @@ class NavigationVectorEnv(VectorEnv[Observed, NDArray[np.float32], NDArray[Any]]
             self._next[place] = self._core.stepper.begin_next(place, int(self._next[place]), self.num_envs)
             self._next[place] += self.num_envs
         return self._next - self.num_envs
-
-
-def check_counts(**counts: int) -> None:
-    """Check that some numbers are at least 1; raises ``DescriptionError``."""
-    for name, count in counts.items():
-        if not isinstance(count, int) or count < 1:
-            raise DescriptionError(f"{name}={count}: must be a whole number of at least 1")

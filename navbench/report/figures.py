@@ -1,6 +1,7 @@
 """Figures of stored results: trajectories over their world; and how a figure is saved."""
 
 import io
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Panel: TypeAlias = "tuple[dict[str, Any], DrawnWorld | None, pd.DataFrame, pd.DataFrame]"
+
+warnings.filterwarnings("ignore", "Glyph")  # missing from a font, which Matplotlib says with the character as it is
 
 COLOURS = {
     "reached": "#1b7f5a",

@@ -708,19 +708,53 @@ def test_ctrl_c_ends_a_run_quickly_and_keeps_what_was_finished(tmp_path: Path) -
     assert not [name for name in files_in(tmp_path) if name.endswith(".tmp")]
 
 
-@pytest.mark.parametrize("redirection", ["| true", ">&-"])
+@pytest.mark.parametrize("redirection", ["| true", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_an_output_that_nobody_reads_is_no_error(tmp_path: Path, redirection: str) -> None:
     line = f"set -o pipefail; {NAVBENCH} controller=sflc world=corner hydra.run.dir=here {redirection}"
     done = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "here/trajectories.png").is_file()
 
 
-def test_a_full_output_is_one_line(tmp_path: Path) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full here")
-    done = subprocess.run(f"{NAVBENCH} list > /dev/full", shell=True, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "navbench: the output: No space left on device\n")
+@pytest.mark.skipif(sys.platform != "linux", reason="workers have sockets in a folder on Linux alone")
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_temporary_folder_of_too_long_a_name_is_one_line(tmp_path: Path, workers: int) -> None:
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir()
+    words = ("controller=go_to_goal", "world=empty", "simulator=planar", f"workers={workers}", "hydra.run.dir=here")
+    given = {**os.environ, "TMPDIR": str(folder)}
+    done = subprocess.run([NAVBENCH, *words], cwd=tmp_path, env=given, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 * workers
+    said = f"navbench: TMPDIR={folder}: must be at most 70 bytes long, for the sockets in it\n"
+    assert done.stderr == said * workers
+    assert (tmp_path / "here").exists() == (not workers)
+
+
+@pytest.mark.parametrize("redirection", ["| true", ">&- 2>&-", "> /dev/full 2> /dev/full"])
+def test_no_controller_fails_because_nobody_reads_what_it_prints(tmp_path: Path, redirection: str) -> None:
+    code = "import sys\n\nclass Loud:\n    def reset(self, setup, rng): pass\n    def act(self, observation):\n"
+    code += "        print(10000 * 'x')\n        print(10000 * 'x', file=sys.stderr)\n        return 0.1, 0.0\n"
+    (tmp_path / "loud.py").write_text(code)
+    (tmp_path / "conf/controller").mkdir(parents=True)
+    (tmp_path / "conf/controller/loud.yaml").write_text("build: {_target_: loud.Loud}\n")
+    words = "--config-dir conf controller=loud world=empty world.time_limit_s=0.2 simulator=planar episodes=3 workers=1"
+    subprocess.run(["bash", "-c", f"{NAVBENCH} {words} {redirection}"], cwd=tmp_path, capture_output=True, check=False)
+    (rows,) = [pd.read_csv(file) for file in tmp_path.glob("outputs/*/*/episodes.csv")]
+    assert list(rows["outcome"]) == ["timed_out"] * 3
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize(
+    "words", ["list", "--help", "-m controller=sflc,pid world=corner simulator=planar hydra.sweep.dir=here"]
+)
+def test_a_full_output_is_one_line_and_all_is_written(tmp_path: Path, words: str) -> None:
+    line = f"{NAVBENCH} {words} > /dev/full"
+    done = subprocess.run(line, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith("navbench: the output: No space left on device\n")
+    assert done.stderr.count("navbench:") == 1
+    assert (tmp_path / "here/trajectories.png").is_file() == words.startswith("-m")
+    assert subprocess.run(f"{line} 2>&1", shell=True, cwd=tmp_path, check=False).returncode == 2
 
 
 def test_the_folder_of_configurations_may_stand_before_the_verb(own: Path, command: Command) -> None:

@@ -284,6 +284,15 @@ def _config(folder: Path) -> tuple[str, ...]:
     return ("--config-dir", "conf")
 
 
+def test_a_terminal_obeys_nothing_in_a_label_that_is_drawn(command: Command, tmp_path: Path) -> None:
+    assert command(*RUN, "hydra.run.dir=here").code == 0
+    write(tmp_path / "here", "cells", 0, "label", value=ESC)
+    done = in_a_process(tmp_path, "show", "here", "out=drawn.png")
+    assert (done.code, done.err) == (0, "")
+    assert "\x1b" not in done.out
+    assert (tmp_path / "drawn.png").is_file()
+
+
 @pytest.mark.parametrize("name", ["\x1b[31m", "\u202ex", "\udcff"])
 def test_a_terminal_obeys_nothing_in_the_name_of_a_directory(command: Command, tmp_path: Path, name: str) -> None:
     """Nor is a name of bytes that are no text an error, after all has run."""

@@ -243,7 +243,15 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"dir": __file__}, "is a file; results need a directory"),
     ({"dir": 5}, "dir=5: must be a path"),
     ({"dir": b"here"}, "dir=b'here': must be a path"),
+    ({"dir": ""}, "dir='': must be a path"),
+    ({"dir": "a\0b"}, "dir=.*: must be a path"),
+    ({"dir": "x" * 300}, "File name too long"),
     ({"config_dir": 5}, "config_dir=5: must be a path"),
+    ({"config_dir": ""}, "config_dir='': must be a path"),
+    ({"world": "a\nb"}, "world=a b: cannot be read"),
+    ({"overwrite": "no"}, "overwrite='no': must be True or False"),
+    ({"other_code": 0}, "other_code=0: must be True or False"),
+    ({"progress": 3}, "progress=3: must be a function"),
     ({"controller": lambda: 3}, "build._target_=test_interface.<lambda>: must name a class with reset"),
 ]
 
@@ -255,10 +263,44 @@ def test_a_word_that_is_none_is_refused(verb: Any, word: Any) -> None:
         verb(word)
 
 
-@pytest.mark.parametrize("path", [None, 3, b"here"])
+@pytest.mark.parametrize("path", [None, 3, b"here", "", "a\0b"])
 def test_a_path_that_is_none_is_refused(path: Any) -> None:
     with pytest.raises(DescriptionError, match="path=.*: must be a path"):
         navbench.load(path)
+
+
+def test_a_word_that_is_for_the_command_line_alone_is_refused_and_not_ignored(tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match="here the argument dir says where results go"):
+        navbench.run(f"hydra.run.dir={tmp_path / 'here'}", controller="go_to_goal", world="empty", **PLANAR)
+    with pytest.raises(DescriptionError, match="here the argument dir says where results go"):
+        navbench.sweep(f"hydra.sweep.dir={tmp_path / 'here'}", controller="go_to_goal", **PLANAR)
+
+
+def test_a_list_of_nothing_is_not_taken_for_the_default() -> None:
+    with pytest.raises(DescriptionError, match=r"seed=\[\]: must hold at least one value"):
+        navbench.sweep(controller="go_to_goal", seed=[])
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"out": 3}, "out=3: must be a path"),
+        ({"out": ""}, "out='': must be a path"),
+        ({"out": __file__}, "Not a directory"),
+        ({"out": "there", "trust": "no"}, "trust='no': must be True or False"),
+        ({"out": "there", "config_dir": 3}, "config_dir=3: must be a path"),
+    ],
+)
+def test_a_report_to_a_wrong_place_is_a_value_error_of_one_line(
+    given: dict[str, Any], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ran = navbench.run(controller="go_to_goal", world="empty", **PLANAR)
+    with pytest.raises(DescriptionError, match=says):
+        ran.report(**given)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(DescriptionError, match="run_id=None: there is no such cell"):
+        ran.plot(run_id=None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("given", "says"), WRONG)

@@ -1,6 +1,7 @@
 """Episodes played again: rays as the controller saw them, videos that run at the right speed, and what is refused."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -165,6 +166,34 @@ def test_an_mp4_lasts_as_long_as_the_episode(fleet: Path, command: Command, tmp_
     _, lasts_s = count_frames_and_secs(tmp_path / "out.mp4")
     end_s = float(navbench.load(fleet).episodes["time_s"].max())
     assert lasts_s == pytest.approx(end_s + replay.HOLD_S, abs=0.6)  # two control periods
+
+
+@pytest.mark.skipif(not find_spec("imageio_ffmpeg"), reason="needs the extra video")
+@pytest.mark.parametrize("keeps", [0, 0.5, None])
+def test_an_mp4_that_a_full_disk_cuts_off_is_said_and_not_left(
+    single: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keeps: float | None
+) -> None:
+    import imageio_ffmpeg
+
+    write_frames = imageio_ffmpeg.write_frames
+
+    def cut_off(file: Path, *given: Any, **options: Any) -> Iterator[None]:
+        writer = write_frames(file, *given, **options)
+        writer.send(None)
+        try:
+            while True:
+                writer.send((yield))
+                if keeps is None:
+                    raise OSError("Broken pipe\n\nFFMPEG COMMAND:\n...")
+        finally:
+            writer.close()
+            os.truncate(file, int(file.stat().st_size * (keeps or 0)))
+
+    monkeypatch.setattr(imageio_ffmpeg, "write_frames", cut_off)
+    done = command("replay", str(single), "--video", "out.mp4")
+    assert done.code == 2
+    assert done.err.endswith("navbench: out.mp4: ffmpeg could not write the whole video; is there room?\n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_interrupt_leaves_no_half_video(

@@ -9,7 +9,7 @@ from commands import Command
 
 pytest.importorskip("submitit")
 
-from navbench.experiments.clusters.slurm import Slurm  # noqa: E402
+from navbench.experiments.clusters.slurm import Slurm, _say_once  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -17,6 +17,7 @@ def _here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run jobs on this machine, also where there is an sbatch that may lead to a cluster, and look at them often."""
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr("navbench.experiments.clusters.slurm.LOOK_S", 1.0)
+    _say_once.cache_clear()
 
 
 def slurm(folder: Path) -> Slurm:
@@ -36,8 +37,9 @@ def test_deaths_and_errors_are_those_of_the_task_in_jobs(tmp_path: Path) -> None
     check_deaths_and_errors(slurm(tmp_path))
 
 
-def test_without_sbatch_it_is_said_that_jobs_run_here(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    slurm(tmp_path).open(2).stop()
+def test_without_sbatch_it_is_said_once_that_jobs_run_here(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    for _ in range(2):  # as in the generations of a tuning
+        slurm(tmp_path).open(2).stop()
     assert caplog.messages == ["engine=slurm: there is no sbatch here, so that 2 jobs run on this machine"]
 
 

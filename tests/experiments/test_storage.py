@@ -1,5 +1,6 @@
 """Storage: a part that is not what was written is found, named and made anew; and nothing finished is lost."""
 
+import errno
 import json
 import os
 import random
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -265,6 +267,51 @@ def test_of_many_that_want_a_directory_at_once_one_has_it(tmp_path: Path) -> Non
     )
     runs = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "here")]) for _ in range(4)]
     assert [run.wait() for run in runs] == [0] * 4
+
+
+# A full disk
+
+
+def full(*_: Any, **__: Any) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_file_that_a_full_disk_does_not_take_is_named_and_nothing_of_it_is_left(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "write_bytes", full)
+    done = command(*GO, "workers=0", "episodes=30", "hydra.run.dir=here")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "navbench: here/manifest.json: No space left on device\n"
+    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    written, write = list[Path](), Path.write_bytes
+
+    def fills(self: Path, data: bytes) -> int:
+        written.append(self)
+        if len(written) > 10:
+            full()
+        return write(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", fills)
+    done = command(*GO, "workers=0", "episodes=30", "hydra.run.dir=here")
+    assert (done.code, done.out) == (3, "")
+    assert re.match(
+        r"navbench: .*here/\w+/[\w.-]+.parquet: No space left on device: after \d+ of 30 episodes; ", done.err
+    )
+    assert not list(tmp_path.rglob(files.TEMPORARY))
+    monkeypatch.setattr(Path, "write_bytes", write)
+    assert command(*GO, "workers=0", "episodes=30", "hydra.run.dir=here").code == 0
+    run_plan(plan_of(30), tmp_path / "whole", 0)
+    assert parts_of(tmp_path / "here") == parts_of(tmp_path / "whole")
+
+
+def test_a_lock_that_a_full_disk_does_not_take_is_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("platform.node", full)
+    with pytest.raises(OSError, match="No space"):
+        run_plan(plan_of(1), tmp_path, 0)
+    assert not (tmp_path / "lock").exists()
 
 
 # Power

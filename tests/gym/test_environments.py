@@ -167,7 +167,7 @@ def test_a_reward_of_ones_own_replaces_the_default() -> None:
     assert env.step(np.zeros(2, np.float32))[1] < -0.1
     wrong = navbench.gym.make(world="empty", reward=lambda period: np.zeros(3))
     wrong.reset()
-    with pytest.raises(ValueError, match=r"reward: must be an array of shape \(1, 1\)"):
+    with pytest.raises(ValueError, match=r"reward=array.*: must be finite numbers of shape \(1, 1\)"):
         wrong.step(np.zeros(2, np.float32))
 
 
@@ -179,6 +179,7 @@ def test_a_reward_of_ones_own_replaces_the_default() -> None:
         ({"sensors": "disc_tracker"}, "sensors=disc_tracker: environments have no tracker"),
         ({"observation": "image"}, "observation=image: must be flat or dict"),
         ({"wrld": "deadlock"}, "wrld"),
+        ({"reward": "progress"}, "reward='progress': must be a function of a Period"),
     ],
 )
 def test_a_wrong_choice_is_one_line(choices: dict[str, Any], said: str) -> None:
@@ -187,17 +188,159 @@ def test_a_wrong_choice_is_one_line(choices: dict[str, Any], said: str) -> None:
     assert "\n" not in str(told.value)
 
 
-def test_a_count_below_1_is_one_line() -> None:
-    with pytest.raises(DescriptionError, match="num_envs=0: must be a whole number of at least 1"):
-        navbench.gym.make_vec(world="empty", num_envs=0)
+@pytest.mark.parametrize("word", [3, None, b"world=empty"])
+def test_a_word_that_is_none_is_one_line(word: Any) -> None:
+    with pytest.raises(DescriptionError, match="must be a word, such as 'episodes=10'"):
+        navbench.gym.make(word)
 
 
-@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0], [0.0, np.inf]])
-def test_an_action_that_is_no_two_finite_numbers_is_refused(action: list[float]) -> None:
-    env = navbench.gym.make(world="empty")
+@pytest.mark.parametrize("key", ["num_envs", "threads", "layouts"])
+@pytest.mark.parametrize("count", [0, -1, 1.0, "2", True])
+def test_a_count_that_is_none_is_one_line(key: str, count: Any) -> None:
+    with pytest.raises(DescriptionError, match=f"{key}={count!r}: must be a whole number from 1 to"):
+        navbench.gym.make_vec(world="empty", **{key: count})
+    assert navbench.gym.make_vec(world="empty", num_envs=np.int64(2)).num_envs == 2  # type: ignore[arg-type]
+
+
+class NoArray:
+    def __array__(self, *_: Any, **__: Any) -> None:
+        raise TypeError("lies on another device")
+
+
+NO_ACTIONS: list[Any] = [
+    *(None, 0.5, "ab", b"ab", object(), {}, [], [0.0], [0.0] * 3, [[0.0, 0.0]], [[0.0], [0.0]], [[0.0], [0.0, 1.0]]),
+    *([np.nan, 0.0], [0.0, np.inf], [1j, 0.0], ["1", "2"], [None, 0.0], [10**400, 0], NoArray()),
+    *(np.zeros(2, "datetime64[D]"), np.zeros((3, 2)), np.array([0.0, 1.0], object)),
+]
+
+
+@pytest.mark.parametrize("action", NO_ACTIONS, ids=repr)
+def test_an_action_that_is_no_two_finite_numbers_is_refused_in_one_line_and_moves_nothing(action: Any) -> None:
+    env, fleet = navbench.gym.make(world="empty"), navbench.gym.make_fleet(world="swap_circle")
+    vector = navbench.gym.make_vec(world="empty", num_envs=4)
+    seen = [env.reset(seed=0)[0], vector.reset(seed=0)[0], fleet.reset(seed=0)[0]["robot_3"]]
+    still = np.zeros(2, np.float32)
+    with pytest.raises(ValueError, match=r"^action=.*: must be finite numbers of shape \(2,\)$"):
+        env.step(action)
+    with pytest.raises(ValueError, match=r"^actions=.*: must be finite numbers of shape \(4, 2\)$"):
+        vector.step([action] * 4)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"^actions=.*: must be finite numbers of shape \(10, 2\)$"):
+        fleet.step({**dict.fromkeys(fleet.agents, still), "robot_3": action})
+    seen_now = [env.step(still)[0], vector.step(np.zeros((4, 2)))[0]]  # type: ignore[arg-type]
+    seen_now.append(fleet.step(dict.fromkeys(fleet.agents, still))[0]["robot_3"])
+    assert all(np.array_equal(one, other) for one, other in zip(seen, seen_now, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda actions: [*actions.values()], "actions=.*: must be a mapping from agents to actions"),
+        (
+            lambda actions: {**actions, "robot_10": np.zeros(2)},
+            "actions.robot_10: there is no such agent; did you mean",
+        ),
+        (lambda actions: {"robot_0": np.zeros(2)}, "actions.robot_1: missing; every agent that drives needs an action"),
+    ],
+)
+def test_a_fleet_wants_an_action_of_each_agent_that_drives_and_of_nobody_else(change: Any, said: str) -> None:
+    fleet = navbench.gym.make_fleet(world="swap_circle")
+    fleet.reset()
+    with pytest.raises(ValueError, match=said):
+        fleet.step(change(dict.fromkeys(fleet.agents, np.zeros(2))))
+
+
+@pytest.mark.parametrize(
+    "reward",
+    [
+        lambda period: None,
+        lambda period: 1.0,
+        lambda period: "fine",
+        lambda period: np.full((1, 1), np.nan),
+        lambda period: np.full((1, 1), np.inf),
+        lambda period: np.full((1, 1), 1j),
+        lambda period: np.full((1, 1), None),
+    ],
+)
+def test_a_reward_that_is_no_finite_number_is_refused_in_one_line(reward: Any) -> None:
+    env = navbench.gym.make(world="empty", reward=reward)
     env.reset()
-    with pytest.raises(ValueError, match="must be two finite numbers a robot"):
-        env.step(np.array(action, np.float32))
+    with pytest.raises(ValueError, match=r"^reward=.*: must be finite numbers of shape \(1, 1\)$"):
+        env.step(np.zeros(2, np.float32))
+
+
+def test_a_reward_that_writes_into_its_period_changes_nothing_else() -> None:
+    def wipe(period: navbench.gym.Period) -> Any:
+        reward = navbench.gym.progress(period)
+        for values in period[:8]:
+            values[...] = 0
+        return reward
+
+    env, other = navbench.gym.make(world="empty", reward=wipe), navbench.gym.make(world="empty")
+    env.reset()
+    other.reset()
+    for k in range(10):
+        assert env.step(scripted(k))[1] == other.step(scripted(k))[1]
+
+
+@pytest.mark.parametrize("make", [navbench.gym.make, navbench.gym.make_vec, navbench.gym.make_fleet])
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"seed": -1}, "seed=-1: must be a whole number from 0 to"),
+        ({"seed": 1.5}, "seed=1.5: must be a whole number"),
+        ({"seed": "a"}, "seed='a': must be a whole number"),
+        ({"seed": 2**70}, "seed=.*: must be a whole number"),
+        ({"options": 3}, "options=3: must be a mapping"),
+        ({"options": {"episode": -1}}, "options.episode=-1: must be a whole number"),
+        ({"options": {"episode": 1.5}}, "options.episode=1.5: must be a whole number"),
+    ],
+)
+def test_a_reset_with_a_wrong_seed_or_option_is_one_line(make: Any, given: dict[str, Any], said: str) -> None:
+    with pytest.raises(DescriptionError, match=said):
+        make(world="empty").reset(**given)
+
+
+def test_of_many_environments_no_one_episode_can_be_asked_for() -> None:
+    vector = navbench.gym.make_vec(world="empty", num_envs=2)
+    with pytest.raises(DescriptionError, match="options.episode: must not be there"):
+        vector.reset(options={"episode": 3})
+    with pytest.raises(DescriptionError, match=r"seed=\[1, 2\]: must be one number"):
+        vector.reset(seed=[1, 2])
+
+
+def test_where_no_episode_goes_on_a_step_is_refused() -> None:
+    """Before the first reset, when it is over, and when all is closed, where nothing can be begun either."""
+    still = np.zeros(2, np.float32)
+    env = navbench.gym.make("world.time_limit_s=0.2", world="empty")
+    fleet = navbench.gym.make_fleet("world.time_limit_s=0.2", world="swap_circle")
+    vector = navbench.gym.make_vec(world="empty", num_envs=2, threads=2)
+    steps: dict[Any, Any] = {
+        env: lambda: env.step(still),
+        fleet: lambda: fleet.step(dict.fromkeys(fleet.agents, still)),
+        vector: lambda: vector.step(np.tile(still, (2, 1))),
+    }
+    for one, step in steps.items():
+        with pytest.raises(RuntimeError, match="no episode goes on: reset begins one"):
+            step()
+        one.reset()
+        if one is not vector:
+            for _ in range(one._core.stepper.periods_max):
+                step()
+            with pytest.raises(RuntimeError, match="no episode goes on: reset begins one"):
+                step()
+        one.close()
+        for again in (step, one.reset):
+            with pytest.raises(RuntimeError, match="it is closed; make another one"):
+                again()
+
+
+def test_an_episode_that_ended_at_a_wall_is_over() -> None:
+    env = navbench.gym.make(world="corner")
+    env.reset()
+    while not env.step(np.array([1.0, 0.0], np.float32))[2]:
+        pass
+    with pytest.raises(RuntimeError, match="no episode goes on: reset begins one"):
+        env.step(np.array([1.0, 0.0], np.float32))
 
 
 def test_the_lines_of_the_page_on_learning_run() -> None:

@@ -7,6 +7,7 @@ import subprocess
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, ClassVar
@@ -53,6 +54,11 @@ class Slurm:
         return _Jobs(self, workers)
 
 
+@cache
+def _say_once(jobs: int) -> None:
+    LOG.warning("engine=slurm: there is no sbatch here, so that %d jobs run on this machine", jobs)
+
+
 class _Jobs:
     """The jobs of a run."""
 
@@ -62,7 +68,7 @@ class _Jobs:
         self._queued = shutil.which("sbatch") is not None
         self.limit = JOBS if self._queued else workers or os.cpu_count() or 1
         if not self._queued:
-            LOG.warning("engine=slurm: there is no sbatch here, so that %d jobs run on this machine", self.limit)
+            _say_once(self.limit)
         self._executor = AutoExecutor(folder=self._folder, cluster="slurm" if self._queued else "local")
         self._executor.update_parameters(
             timeout_min=options.time_min,
