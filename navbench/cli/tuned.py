@@ -31,7 +31,9 @@ def write_controller(tuning: Tuning, parameters: Mapping[str, Any], path: Path, 
     worlds = ", ".join(cell.names.world for cell in tuning.cells)
     how = f"navbench tune controller={controller} tuner={tuning.tuner_name} objective={tuning.objective_name}"
     how += f" simulator={cell.names.simulator}"
-    further = [word for word in overrides if key_of(word) not in TOLD and not key_of(word).startswith("hydra.")]
+    further = [
+        word for word in overrides if key_of(word) not in TOLD and not key_of(word).startswith(("hydra.", "engine."))
+    ]
     source = {"tuned": f"{' '.join([how, *further])}, in {worlds}, budget={tuning.budget}", "seed": tuning.seed}
     whole = cell.configuration["controller"]["build"]
     best = {**_given(overrides, whole), **parameters}

@@ -13,7 +13,7 @@ from commands import Command
 from stored import metrics_of
 
 from navbench.cli.study_configuration import compose_tuning
-from navbench.cli.tuned import source_keys
+from navbench.cli.tuned import source_keys, write_controller
 from navbench.experiments.store import Results
 from navbench.experiments.tunings import Objective, run_tuning
 from navbench.records import Outcome, RobotRecord
@@ -487,6 +487,14 @@ def test_the_file_of_a_tuned_controller_holds_what_the_words_set_and_tells_them(
     assert again.code == 0, again.err
     (row,) = Results(folder / "again").episodes().to_dict("records")
     assert (row["outcome"], row["time_s"]) == ("reached", Results(folder / "done").evaluations()["cost"].min())
+
+
+def test_the_file_of_a_tuned_controller_does_not_tell_where_the_tuning_ran(tmp_path: Path) -> None:
+    words = ["controller=pid", "tuner=pso", "world=corner", "seed=1"]
+    tuning, _, _ = compose_tuning(words)
+    engine = ["engine=dask", "engine.address=tcp://head:8786", "workers=4"]
+    here, there = [write_controller(tuning, {}, tmp_path, given).read_text() for given in (words, [*words, *engine])]
+    assert here == there
 
 
 def test_a_repair_that_fails_under_way_is_named_and_nothing_is_left(folder: Path, navbench: Command) -> None:
