@@ -214,7 +214,7 @@ NO_ACTIONS: list[Any] = [
 ]
 
 
-@pytest.mark.parametrize("action", NO_ACTIONS, ids=repr)
+@pytest.mark.parametrize("action", NO_ACTIONS, ids=range(len(NO_ACTIONS)))
 def test_an_action_that_is_no_two_finite_numbers_is_refused_in_one_line_and_moves_nothing(action: Any) -> None:
     env, fleet = navbench.gym.make(world="empty"), navbench.gym.make_fleet(world="swap_circle")
     vector = navbench.gym.make_vec(world="empty", num_envs=4)
