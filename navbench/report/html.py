@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 COLOURS = 64  # of a picture
 CHOSEN_BY = ("verdict", "evidence", "outcome", "controller", "world", "kind")  # columns whose values may be chosen
+CONTROLS = {code: 0x2400 + code for code in range(32) if code not in b"\t\n"} | {0x7F: 0x2421}  # as visible symbols
 CHOICES = 30  # of a column at most
 SLUG = re.compile(r"[^a-z0-9]+")
 MARKS = (  # Markdown's within a line, after the words are escaped
@@ -48,7 +49,7 @@ def render(document: Document, out: Path, played: Playback | None = None) -> str
     script = _file("js")
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     finds = [any(isinstance(block, Finding) for block in part["blocks"]) for part in parts]
-    return _template(out).render(
+    page = _template(out).render(
         title=document.title,
         summary=document.summary,
         first=[part for part, is_first in zip(parts, finds, strict=True) if is_first],
@@ -60,6 +61,7 @@ def render(document: Document, out: Path, played: Playback | None = None) -> str
         script=script,
         allowed=allowed,
     )
+    return page.translate(CONTROLS)
 
 
 def _template(out: Path) -> "Template":

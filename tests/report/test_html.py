@@ -158,6 +158,16 @@ def test_what_users_wrote_stays_text_in_the_page(tmp_path: Path) -> None:
     assert "49" not in read.text[read.text.index("<img src=x") :][: len(HOSTILE)]
 
 
+def test_what_a_terminal_obeys_is_shown_in_the_page_as_a_symbol(tmp_path: Path) -> None:
+    cell = a_cell("clear \x1b[2J and \x07\r")._replace(run_id="loud")
+    page = page_of(
+        store(tmp_path / "in", [(cell, [a_record("controller_error", reason="\x1b]0;x\x07")])]), tmp_path / "out"
+    )
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", page)
+    assert "clear \u241b[2J and \u2407" in page
+    assert "\u241b]0;x\u2407" in page
+
+
 def test_a_page_needs_nothing_beside_itself_and_runs_no_other_script(page: str) -> None:
     read = Read(page)
     assert not [tag for tag, _ in read.elements if tag in ("link", "iframe", "object", "embed", "base", "form")]
