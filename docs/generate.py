@@ -73,7 +73,7 @@ def on_page_content(html: str, **_: Any) -> str:
 
     def drawn(found: re.Match[str]) -> str:
         if found[1] == "span":
-            return convert(found[2], display="inline")
+            return str(convert(found[2], display="inline"))
         return f"<div class=formulas>{''.join(convert(one, display='block') for one in found[2].split(QUAD))}</div>"
 
     return FORMULA.sub(drawn, html)
