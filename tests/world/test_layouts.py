@@ -475,7 +475,7 @@ WRONG_VALUES: list[tuple[dict[str, Any], list[str]]] = [
     ({"source": {"_target_": "no_such.Thing"}}, ["world.source._target_=no_such.Thing: cannot be imported"]),
     ({"source": {**scattered({}, a_swap()), "gap_m": 0.0}}, ["world.source.gap_m=0.0", "than 0"]),
     ({"source": scattered({}, WAYS)}, ["world.source.base=", "must be an instance of Source"]),
-    ({"starts": [], "goals": []}, ["world.goals: ", "at least one", "for 0 starts"]),
+    ({"starts": [], "goals": []}, ["world.goals: ", "at least one", "got 0 for 0"]),
     ({"polygons": [{"corners": DART}]}, ["world.polygons[0].corners: ", "convex"]),
     ({"polygons": [{"corners": STAR}]}, ["world.polygons[0].corners: ", "convex"]),
     ({"polygons": [{"corners": LINE}]}, ["world.polygons[0].corners: ", "convex"]),
