@@ -68,11 +68,11 @@ clean:
 
 tuned: $(STAMP) ## tune the PIDs of aouf2019 and evolve zhao2018's controller again, seed 0, into conf/controller
 	for tuner in pso abc fa; do \
-	  $(BIN)/navbench tune controller=pid tuner=$$tuner objective=ise simulator=pybullet world=no_deadlock budget=210 seed=0 \
-	    workers=1 hydra.run.dir=outputs/tuned/$$tuner && \
+	  $(BIN)/navbench tune controller=pid tuner=$$tuner objective=ise simulator=planar world=no_deadlock budget=210 seed=0 \
+	    workers=0 hydra.run.dir=outputs/tuned/$$tuner && \
 	  cp outputs/tuned/$$tuner/conf/controller/$${tuner}_pid.yaml conf/controller/ || exit 1; \
 	done
-	$(BIN)/navbench tune controller=oa_to tuner=ga objective=zhao2018 simulator=pybullet world=zhao2018_static \
+	$(BIN)/navbench tune controller=oa_to tuner=ga objective=zhao2018 simulator=planar world=zhao2018_static \
 	  "worlds=[zhao2018_single,zhao2018_fleet]" budget=900 seed=0 name=oa_to_ga hydra.run.dir=outputs/tuned/ga
 	cp outputs/tuned/ga/conf/controller/oa_to_ga.yaml conf/controller/
 

@@ -174,7 +174,7 @@ class OaTo(CompiledController):
         """
         chosen = describe(Navigation, navigation, "build.navigation")
         special = describe(SpecialPhi, special_phi_rad, "build.special_phi_rad")
-        self.oa, self.to = _fuzzy_controllers(oa_memberships, oa_rules, to_memberships, to_rules)
+        self.oa, self.to = _oa_flc(oa_memberships, oa_rules), _to_flc(to_memberships, to_rules)
         self._chosen = (astuple(chosen), astuple(special), self.oa.base, self.to.base)
 
     def make_policy(self, setup: Setup) -> Policy:
@@ -197,17 +197,16 @@ class OaTo(CompiledController):
 
 
 @remembered
-def _fuzzy_controllers(
-    oa_memberships: Mapping[str, Any], oa_rules: Mapping[str, Any], to_memberships: Mapping[str, Any],
-    to_rules: Mapping[str, Any],
-) -> tuple[FuzzyInference, FuzzyInference]:  # fmt: skip
-    """Return OA-FLC and TO-FLC for the parameters of ``OaTo``."""
-    oa = oa_flc(
-        describe(OaMemberships, oa_memberships, "build.oa_memberships"),
-        describe(OaRules, oa_rules, "build.oa_rules"),
+def _oa_flc(memberships: Mapping[str, Any], rules: Mapping[str, Any]) -> FuzzyInference:
+    """Return OA-FLC for the parameters of ``OaTo``."""
+    return oa_flc(
+        describe(OaMemberships, memberships, "build.oa_memberships"), describe(OaRules, rules, "build.oa_rules")
     )
-    to = to_flc(
-        describe(ToMemberships, to_memberships, "build.to_memberships"),
-        describe(ToRules, to_rules, "build.to_rules"),
+
+
+@remembered
+def _to_flc(memberships: Mapping[str, Any], rules: Mapping[str, Any]) -> FuzzyInference:
+    """Return TO-FLC for the parameters of ``OaTo``."""
+    return to_flc(
+        describe(ToMemberships, memberships, "build.to_memberships"), describe(ToRules, rules, "build.to_rules")
     )
-    return oa, to

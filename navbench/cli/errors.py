@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
-from omegaconf import ListConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from navbench.cli.catalogue import elsewhere
@@ -109,8 +109,10 @@ def _wrong_value(text: str, cause: OmegaConfBaseException, folders: Iterable[str
         allowed = [str(name) for name in cause.parent_node or () if name not in ("hydra", "sources")]
         parent = (place or key).rpartition(".")[0]
         whole = f"{parent} is null here; set the whole mapping, as {parent}={{{cause.key}: {given.partition('=')[2]}}}"
-        meant = "".join(f"did you mean {parent and parent + '.'}{name}.{cause.key}? " for name in _inside(cause)[:1])
-        complaint = f"{place or key}: unknown key; {meant}{instead(cause.key, allowed, HERE) if allowed else whole}"
+        last = given.partition("=")[0].rpartition(".")[2] or str(cause.key)
+        meant = [f"did you mean {parent and parent + '.'}{name}?" for name in _inside(cause, last)[:1]]
+        other = instead(cause.key, allowed, HERE) if allowed else whole
+        complaint = f"{place or key}: unknown key; {meant[0] if meant else other}"
     else:
         value = re.match(r"Value '([^'\n]+)' of type", str(cause)) if file else None
         complaint = f"{place or given or key}{f'={value[1]}' if value else ''}: {_allowed(cause)}"
@@ -154,10 +156,15 @@ def _places(top: str, whole: Any, cause: OmegaConfBaseException) -> list[str]:
     return [place for _, place in sorted(places, key=itemgetter(0))]
 
 
-def _inside(cause: OmegaConfBaseException) -> list[str]:
-    """Return the mappings beside an unknown key that have a key of its name."""
-    beside: Any = OmegaConf.to_container(OmegaConf.create(cause.parent_node or {}))
-    return [str(name) for name, value in beside.items() if isinstance(value, dict) and cause.key in value]
+def _inside(cause: OmegaConfBaseException, last: str) -> list[str]:
+    """Return the places below the mapping with an unknown key that end with a name, the nearest first."""
+    node = cause.parent_node
+    beside: Any = OmegaConf.to_container(node) if isinstance(node, DictConfig) else {}
+    inside = [((str(key),), value) for key, value in beside.items() if key not in ("hydra", "sources")]
+    for path, value in inside:  # which grows
+        if isinstance(value, dict):
+            inside += [((*path, str(key)), inner) for key, inner in value.items() if key != "sources"]
+    return [".".join(path) for path, _ in inside if len(path) > 1 and path[-1] == last]
 
 
 def _allowed(cause: OmegaConfBaseException) -> str:

@@ -154,11 +154,12 @@ class Cell:
         Raises:
             DescriptionError: there is no such parameter.
         """
-        controller = copy.deepcopy(self.configuration["controller"])
+        controller = self.configuration["controller"]
+        build = _copied(controller["build"])
         for name, value in values.items():
-            place, last = place_of(name, controller["build"])
+            place, last = place_of(name, build)
             place[last] = value
-        return replace(self, configuration={**self.configuration, "controller": controller})
+        return replace(self, configuration={**self.configuration, "controller": {**controller, "build": build}})
 
     def runner(self) -> EpisodeRunner:
         """Return what runs this cell's episodes in this process."""
@@ -175,6 +176,11 @@ class Cell:
             timeout_s=self.timeout_s if in_worker() else None,
             keep_ranges=self.keep_ranges,
         )
+
+
+def _copied(build: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy in which the value of any parameter can be changed: of the mappings, not of what they hold."""
+    return {key: _copied(value) if isinstance(value, dict) else value for key, value in build.items()}
 
 
 def place_of(name: str, build: dict[str, Any]) -> tuple[dict[str, Any], str]:

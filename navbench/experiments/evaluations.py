@@ -83,10 +83,9 @@ def _drive(part: _Part, runners: Sequence[EpisodeRunner]) -> list[_Driven]:
     tuning = part.tuning
     driven = []
     for index, point in enumerate(part.values.tolist(), part.first_index):
-        parameters = tuning.parameters(point)
+        make_controller = tuning.cells[0].with_parameters(tuning.parameters(point)).make_controller
         for number, (cell, runner) in enumerate(zip(tuning.cells, runners, strict=True)):
-            runner.make_controller = cell.with_parameters(parameters).make_controller
-            runner.seed = tuning.seed
+            runner.make_controller, runner.seed = make_controller, tuning.seed
             for episode in cell.indices:
                 if part.episode in (None, (number, episode)):
                     driven += [_driven(index, record, tuning.objective) for record in runner.run(episode)]

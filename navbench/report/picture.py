@@ -1,6 +1,7 @@
 """The picture of a results directory: a panel a cell, its rows drawn apart, so that processes may share them."""
 
 import io
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -35,7 +36,8 @@ def save_trajectories(results: Results, runs: Sequence[str], file: Path, each: E
 
     stored, episodes = StoredResults(Joined([results])), results.episodes()
     told = [
-        (stored.configuration(run), stored.world_in_common(run), episodes[episodes["run_id"] == run]) for run in runs
+        (cell, stored.world_in_common(cell["run_id"]), episodes[episodes["run_id"] == cell["run_id"]])
+        for cell in _told_apart([stored.configuration(run) for run in runs])
     ]
     rows = [_Row(results, told[i : i + COLUMNS], i, len(runs), title) for i in range(0, len(runs), COLUMNS)]
     pixels = np.vstack(list(each(_draw, rows)))
@@ -43,6 +45,18 @@ def save_trajectories(results: Results, runs: Sequence[str], file: Path, each: E
     imsave(content, pixels, format="png", dpi=DPI, metadata=metadata)
     with replacing(file) as temporary:
         temporary.write_bytes(content.getvalue())
+
+
+def _told_apart(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return cells, whose labels name the seed where only it differs."""
+    seeds: defaultdict[tuple[str, str], set[int]] = defaultdict(set)
+    for cell in cells:
+        seeds[cell["label"], cell["name"]].add(cell["seed"])
+    several = {called for called, of in seeds.items() if len(of) > 1}
+    return [
+        {**cell, "label": f"{cell['label']}, seed {cell['seed']}"} if (cell["label"], cell["name"]) in several else cell
+        for cell in cells
+    ]
 
 
 class _Row(NamedTuple):

@@ -198,6 +198,8 @@ WRONG = [
     (("--controller=pid",), "--controller=pid: unknown flag; did you mean controller=pid? "),
     (("controller=pid", "world=deadlok"), "world=deadlok: unknown choice; did you mean deadlock?\n"),
     (("controller=pid", "world=empty", "controller.kp=3"), "controller.kp: unknown key; did you mean controller.build"),
+    (("controller=pid", "world=empty", "pid.kp=3"), "pid: unknown key; did you mean controller.build.kp?\n"),
+    (("controller=pid", "world=empty", "kp=3"), "kp: unknown key; did you mean controller.build.kp?\n"),
     ((*GO, "noise_std_m=1"), "noise_std_m: unknown key; did you mean sensors.noise_std_m?"),
     (("controller=nan", "world=empty"), "controller=nan: must be one name; `navbench list controller` prints them"),
     ((*GO, "episods=3"), "episods: unknown key; did you mean episodes?"),

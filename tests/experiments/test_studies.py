@@ -246,7 +246,7 @@ def test_cells_of_several_controllers_are_those_of_each_alone(tmp_path: Path) ->
 
 
 def test_the_committed_controller_of_pso_is_what_the_tuning_finds(tmp_path: Path, command: Command) -> None:
-    words = ("controller=pid", "tuner=pso", "objective=ise", "world=no_deadlock", "simulator=pybullet", "workers=1")
+    words = ("controller=pid", "tuner=pso", "objective=ise", "world=no_deadlock", "simulator=planar", "workers=1")
     done = command("tune", *words, "hydra.run.dir=tuned")
     assert done.code == 0, done.err
     committed = Path(__file__).parents[2] / "conf/controller/pso_pid.yaml"

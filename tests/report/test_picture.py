@@ -2,7 +2,9 @@
 
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
+import pytest
 from matplotlib.image import imread
 from stored import a_cell, a_record, store
 
@@ -40,3 +42,13 @@ def test_an_empty_place_moves_no_panel(tmp_path: Path) -> None:
     every = draw_cells([panel] * 5).axes
     (last,) = draw_cells([None, None, None, None, panel]).axes
     assert last.get_position().bounds == every[4].get_position().bounds
+
+
+def test_panels_that_differ_in_their_seed_alone_name_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw = Mock(wraps=draw_cells)
+    monkeypatch.setattr("navbench.report.picture.draw_cells", draw)
+    cells = [a_cell(label, seed=seed)._replace(seed=seed) for label, seed in (("A", 1), ("A", 2), ("B", 2))]
+    stored = store(tmp_path / "kept", [(cell, [a_record()]) for cell in cells])
+    save_trajectories(stored.results, list(stored.cells["run_id"]), tmp_path / "rows.png")
+    titles = [panel[0]["label"] for panel in draw.call_args.args[0]]
+    assert titles == ["A, seed 1", "A, seed 2", "B"]
