@@ -1,6 +1,7 @@
 import json
 import math
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -736,3 +737,14 @@ def test_each_section_says_which_simulator_made_its_numbers(tmp_path: Path) -> N
         assert blocks[1] == Paragraph(line)
     metrics = build_section(Page(stored, tmp_path), {"name": "metrics"})
     assert not any("Simulator" in str(block) for block in metrics)
+
+
+def test_results_that_travel_to_another_process_are_read_there_once(tmp_path: Path) -> None:
+    one, other = (store(tmp_path / name, [(a_cell("A"), [a_record()])]) for name in ("one", "other"))
+    sent = pickle.dumps(one)
+    read = pickle.loads(sent)
+    assert read is not one
+    assert read.results.path == one.results.path
+    assert pickle.loads(sent) is read
+    assert pickle.loads(pickle.dumps(other)).results.path == other.results.path
+    assert pickle.loads(sent) is not read, "only the last one is kept"
