@@ -160,7 +160,9 @@ def _inside(cause: OmegaConfBaseException, last: str) -> list[str]:
     """Return the places below the mapping with an unknown key that end with a name, the nearest first."""
     node = cause.parent_node
     beside: Any = OmegaConf.to_container(node) if isinstance(node, DictConfig) else {}
-    inside = [((str(key),), value) for key, value in beside.items() if key not in ("hydra", "sources")]
+    inside: list[tuple[tuple[str, ...], Any]] = [
+        ((str(key),), value) for key, value in beside.items() if key not in ("hydra", "sources")
+    ]
     for path, value in inside:  # which grows
         if isinstance(value, dict):
             inside += [((*path, str(key)), inner) for key, inner in value.items() if key != "sources"]
