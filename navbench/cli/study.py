@@ -6,7 +6,9 @@ from functools import partial
 from pathlib import Path
 
 from navbench.cli.catalogue import CONF, elsewhere, files_of
+from navbench.cli.run import DRIVING
 from navbench.cli.words import sort_words
+from navbench.experiments.engines import start
 from navbench.validation import DescriptionError, instead
 
 HELP = """navbench study NAME: run what is missing of a study into outputs/study/NAME, and write results/NAME/report.md
@@ -23,6 +25,7 @@ and report.html
 
 The same command goes on where an earlier one was stopped. `navbench list study` prints the studies.
 """
+REPORTING = ("pandas", "navbench.report.sections", "matplotlib.figure")  # imported by processes that build a report
 
 
 def study(arguments: Sequence[str]) -> int:
@@ -34,6 +37,8 @@ def study(arguments: Sequence[str]) -> int:
         which = elsewhere("study", given[6:]) or instead(given[6:], known, "there are")
         raise DescriptionError(f"{given}: name one study; {which}")
     asked, others = _otherwise(words.overrides, words.config_dir)
+    if "workers=0" not in others:
+        start([*DRIVING, *REPORTING])  # while this process imports and composes
     from navbench.cli.engine import where
     from navbench.cli.flow import carry_out
     from navbench.cli.rebuilding import fitted, in_simulator
