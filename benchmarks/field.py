@@ -107,9 +107,16 @@ class Field:
         ring = [(self.radius_m * math.cos(a), self.radius_m * math.sin(a)) for a in turns]
         self.starts = [(x, y, a + 0.5 * math.pi) for (x, y), a in zip(ring, turns, strict=True)]
         apart_m = (self.radius_m - 1.0) / math.sqrt(discs) if per_m2 is None else 1.0 / math.sqrt(math.pi * per_m2)
-        spiral = ((apart_m * math.sqrt(i + 0.5), i * math.pi * (3.0 - math.sqrt(5.0))) for i in count())
-        free = ((r, a) for r, a in spiral if abs(r - self.radius_m) > 0.9)  # the ring, with its robots
         radius_m = min(0.25, 0.5 * apart_m)
+        aisle_m = 0.2 + radius_m if radius_m < 0.15 else 0.0  # else these wall the goal off, and none could reach it
+        apart_m *= 0.95 if aisle_m else 1.0
+        spiral = ((apart_m * math.sqrt(i + 0.5), i * math.pi * (3.0 - math.sqrt(5.0))) for i in count())
+        free = (
+            (r, a)
+            for r, a in spiral
+            if abs(r - self.radius_m) > 0.9  # the ring, with its robots
+            and (math.cos(a) < 0.0 or abs(r * math.sin(a)) >= aisle_m)
+        )
         self.discs = [(r * math.cos(a), r * math.sin(a), radius_m) for r, a in islice(free, discs)]
         self.turn_radps = SPEED_MPS / self.radius_m
 

@@ -26,22 +26,27 @@ SWEPT = {"planar": 500, "pybullet": 50}  # episodes of each
 
 
 def runs(runner: EpisodeRunner, episodes: int = 1) -> Side:
-    """Return a function that runs some episodes, and counts them as one."""
+    """Return a function that runs some episodes to their time limit, and counts them as one."""
 
     def run() -> int:
         for episode in range(episodes):
-            runner.run(episode)
+            for record in runner.run(episode):
+                assert record.outcome == "timed_out", record
         return 1
 
     return run
+
+
+def field_of(kind: str, size: int) -> Field:
+    """Return the field of a size."""
+    return Field(size if kind == "robots" else 1, size if "discs" in kind else 10, 1.0 if "m²" in kind else None)
 
 
 def of_kind(kind: str, simulator: str, effort: Effort, on: ExitStack) -> dict[str, Side]:
     """Return what to time for each size."""
     sides = {}
     for size in SIZES[kind][: 2 if effort.is_quick else None]:
-        field = Field(size if kind == "robots" else 1, size if "discs" in kind else 10, 1.0 if "m²" in kind else None)
-        runner = field.runner(simulator, steps=5 if kind == "episodes" else effort.cut(200), on=on)
+        runner = field_of(kind, size).runner(simulator, steps=5 if kind == "episodes" else effort.cut(200), on=on)
         sides[str(size)] = runs(runner, size if kind == "episodes" else 1)
     return sides
 

@@ -13,6 +13,7 @@ from benchmarks import soak
 from benchmarks.__main__ import SECTIONS, main
 from benchmarks.coverage import BAR, CASES, FILES, KINDS
 from benchmarks.harness import Table, shown
+from benchmarks.scaling import SIZES, field_of
 from navbench.mathematics.statistics import Estimate
 from navbench.records import RobotRecord
 from navbench.world.layout import Layout
@@ -44,6 +45,13 @@ def test_a_section_measured_anew_leaves_the_others_in_the_readme(
     assert text.count("## ") == 2
     assert "| a | 4.00 |" in text.split("## Rays")[0]
     assert "| a | 3.00 |" in text.split("## Rays")[1]
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_whatever_grows_robots_drive_to_the_time_limit(kind: str) -> None:
+    for size in SIZES[kind]:
+        with field_of(kind, size).runner("planar", steps=5) as runner:
+            assert {record.outcome for record in runner.run(0)} == {"timed_out"}, size
 
 
 def test_an_unknown_section_is_named(capsys: pytest.CaptureFixture[str]) -> None:
