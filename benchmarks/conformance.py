@@ -4,7 +4,7 @@ Controllers switch, and a switch amplifies the last digits of a range: PyBullet 
 once its robots begin a hair aside. So the same episodes, with randomly perturbed starts and noisy sensors, are run
 three times: on PyBullet, on PyBullet with starts a hair aside, and on planar. The hair is by default as wide as
 PyBullet's own tolerance of rays, 0.001 units where a robot's radius is at least 4: its rays end short of round bodies,
-by 6e-5 radii on average, and what hangs on that PyBullet does not know. Beside a much thinner hair planar disagrees
+by 6e-5 radii on average, and what depends on that PyBullet does not know. Beside a much thinner hair planar disagrees
 more often than PyBullet with itself, because all of PyBullet's runs share that error.
 
 Two runs of an episode agree where every robot has the same outcome and a path as long as the other's to 1 %. Two things

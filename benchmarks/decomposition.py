@@ -1,7 +1,7 @@
 """What decomposing a rule base saves in time: the controllers of nemeiksis2019 and lei2014 beside one flat rule base.
 
 A flat rule base has a rule for each combination of its inputs' sets, whose conclusions are dealt out in turn: the time
-hangs on how many rules there are and not on what they say.
+depends on how many rules there are and not on what they say.
 
 - nemeiksis2019: the blocks 1FB and 4FB, which the obstacle agent takes and no agent takes more, and all four, as
   ``multi_agent`` evaluates them to trace the angles of the agents at rest, against 458,752 rules over nine inputs. With

@@ -1,8 +1,8 @@
 """Compile functions with numba, and keep their machine code under a digest of every source that it may inline.
 
 numba's own cache watches a function's own file alone: machine code in which a changed function of another file was
-inlined would live on. Here every function's code is kept under the digest of all that the floors up to the episode and
-the controllers hold; a user's function also under that of the sources beside its own file.
+inlined would live on. Here every function's code is kept under the digest of all that the packages up to the episode
+and the controllers hold; a user's function also under that of the sources beside its own file.
 
 The files lie in ``NAVBENCH_CACHE_DIR``, else in the user's cache directory, else in a temporary directory of this user.
 What ``NAVBENCH_CACHE_DIR`` holds is read also where it cannot be written, as in an image. Where no place can be
@@ -34,7 +34,7 @@ from numba.core.dispatcher import Dispatcher
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _dumps: Callable[[Any], bytes] = serialize.dumps  # pickles what a closure and machine code hold
-ABOVE = ("experiments", "analysis", "report", "cli", "gym")  # floors that nothing compiled imports
+ABOVE = ("experiments", "analysis", "report", "cli", "gym")  # packages that nothing compiled imports
 FOLDERS_MAX = 40  # states of the sources whose machine code is kept, the last used ones
 
 

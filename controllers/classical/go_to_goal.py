@@ -1,4 +1,4 @@
-"""The floor under every comparison: drive to the goal and look at nothing.
+"""The baseline of every comparison: drive to the goal and look at nothing.
 
 It is no paper's method. At a constant speed it turns towards the goal in proportion to the heading error, within a
 limit, and has no sensors: what it reaches needed no avoidance, and what it hits did.

@@ -3,7 +3,7 @@
 Y. Lei, X. Xing, Z. Feng, X. Guan, L. Du, "Dynamic Path Planning Based on Fuzzy and Behavior Control Idea", 2014;
 sections 2 to 3.2.1, equations 1 to 10, Table 1, Figure 3.
 
-How dangerous an obstacle is hangs on how soon the robot would hit it and on how near it is, both counted in what the
+How dangerous an obstacle is depends on how soon the robot would hit it and on how near it is, both counted in what the
 robot needs to react: sampling periods and safety distances. A fuzzy controller of nine rules (DDCFC) makes one number
 of the two, the danger degree of collision DDC. The largest one to the left, in front and to the right is what the
 second layer sees of the world.

@@ -6,8 +6,8 @@
 - *layout_unknown*: what stands in a world, or its starts or goals, is assumed.
 - *free*: none of these.
 
-The first that holds counts. What was measured on a table that a controller offers of itself hangs on that controller's
-values alone.
+The first that holds counts. What was measured on a table that a controller offers of itself depends on that
+controller's values alone.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Set

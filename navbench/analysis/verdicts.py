@@ -31,7 +31,7 @@ COLUMNS = {  # of claims.csv, and what each holds
     "tolerance": "within what the two agree",
     "plausible_low": "the least figure over what else is plausible for the measure; empty without any",
     "plausible_high": "the greatest",
-    "hangs_on": "which of these would turn the verdict",
+    "depends_on": "which of these would turn the verdict",
     "evidence": "what an agreement is worth: free, layout_unknown, selected or fitted",
     "because": "the values that make it so",
     "verdict": "the verdict",
@@ -165,7 +165,7 @@ def _row(entry: Entry, of: Measured, evidence: str, because: str) -> list[Any]:
     name, kind, claim = entry
     word, reason = ("not_testable", of.error) if of.error else verdict(claim, of.figure, of.margin, evidence)
     others = {what: verdict(claim, figure, of.margin, evidence)[0] for what, figure in of.plausible.items()}
-    hangs_on = "; ".join(f"{other.replace('_', ' ')} at {what}" for what, other in others.items() if other != word)
+    depends_on = "; ".join(f"{other.replace('_', ' ')} at {what}" for what, other in others.items() if other != word)
     if kind == "check":
         word = "passed" if word == "reproduced" else "failed"
     printed, unit = ("", "") if claim.printed is None else parts("printed", claim.printed)
@@ -174,7 +174,7 @@ def _row(entry: Entry, of: Measured, evidence: str, because: str) -> list[Any]:
     low, high = (min(values), max(values)) if values else (math.nan, math.nan)
     simulators = ", ".join(sorted(of.used.simulators))
     said = [name, kind, claim.says, claim.where, printed, unit, *figure, simulators, claim.tolerance]
-    return [*said, low, high, hangs_on, evidence, because, word, reason]
+    return [*said, low, high, depends_on, evidence, because, word, reason]
 
 
 def verdicts_in(table: "pd.DataFrame") -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-EPISODE = "navbench.episode.loop"  # from which the floors that make an episode are reached
+EPISODE = "navbench.episode.loop"  # which imports all that makes an episode
 IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([^\n]*))", re.M)
 STANDARD = sysconfig.get_paths()["stdlib"]
 

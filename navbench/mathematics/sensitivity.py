@@ -1,4 +1,4 @@
-"""Which factors a result hangs on: total effects, flips, and distances of distributions, over points of a unit cube.
+"""Which factors a result depends on: total effects, flips, and distances of distributions, over points of a unit cube.
 
 A point u in [0, 1]^d is one choice of every factor; points come from scrambled Sobol sequences, whose scrambles are
 independent of each other while the points of one are not. A verdict is a boolean result.

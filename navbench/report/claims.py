@@ -161,12 +161,12 @@ def _told(claim: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def _plausible(claim: Mapping[Any, Any]) -> str:
-    """Return a figure's range over what its measure might plausibly take, and whether the verdict hangs on it."""
+    """Return a figure's range over what its measure might plausibly take, and whether the verdict depends on it."""
     if math.isnan(claim["plausible_low"]):
         return ""
     figures = f"{number(claim['plausible_low'])} to {number(claim['plausible_high'])}"
     return f"{figures}; " + (
-        f"the verdict hangs on it: {claim['hangs_on']}" if claim["hangs_on"] else "the same verdict"
+        f"the verdict depends on it: {claim['depends_on']}" if claim["depends_on"] else "the same verdict"
     )
 
 

@@ -38,7 +38,7 @@ VERDICT_WORDS = (
 FIGURES = ("measured", "low", "high", "n", "plausible_low", "plausible_high")  # the other columns are words
 NEWER: dict[str, Any] = {  # columns that some tables of claims do not have yet, with what they would hold
     "kind": "claim",
-    **dict.fromkeys(("simulator", "hangs_on", "because"), ""),
+    **dict.fromkeys(("simulator", "depends_on", "because"), ""),
     **dict.fromkeys(("plausible_low", "plausible_high"), math.nan),
 }
 
@@ -215,8 +215,8 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
     links = [Link(f"{study.title}: its multiverse", f"{study.name}/{MULTIVERSE}/report.md") for study in asked]
     text = (
         "Each claim again, in many reconstructions of what its paper leaves open: *robust* claims hold in 95 % of them "
-        "or more, *contradicted* ones in 5 % or less, those *out of reach* in none that was drawn; *open* ones hang on "
-        "what is not printed, and the reports say on what."
+        "or more, *contradicted* ones in 5 % or less, those *out of reach* in none that was drawn; *open* ones depend "
+        "on what is not printed, and the reports say on what."
     )
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
     table = _table(["study", *SHARE_VERDICTS], rows)

@@ -140,7 +140,8 @@ def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
     lines = [
         f"{len(shares)} claims: {counts['robust']} robust, holding in nearly every reconstruction; "
         f"{counts['contradicted']} contradicted, holding in hardly any; {counts['out of reach']} out of reach, "
-        f"holding in none of {len(told.drawn.rows)}; {counts['open']} open, hanging on what the paper does not print.",
+        f"holding in none of {len(told.drawn.rows)}; {counts['open']} open, depending on what the paper does not "
+        "print.",
         _together(told.best, told.search) if told.best else "No claim prints a number.",
         f"The missing values that tell most of all verdicts together: {most}." if most else "No value tells of them.",
     ]

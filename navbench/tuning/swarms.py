@@ -1,4 +1,4 @@
-"""The tuners' update rules: particle swarm, artificial bee colony, fireflies, and random points as the floor.
+"""The tuners' update rules: particle swarm, artificial bee colony, fireflies, and random points to compare with.
 
 A. Aouf, L. Boussaid, A. Sakly, "Same Fuzzy Logic Controller for Two-Wheeled Mobile Robot Navigation in Strange
 Environments", Journal of Robotics 2019, 2465219, doi:10.1155/2019/2465219; section 4, equations 26 to 32.

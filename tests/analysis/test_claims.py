@@ -271,7 +271,7 @@ def test_checks_pass_or_fail_and_questions_have_no_verdict(tmp_path: Path) -> No
     assert table["evidence"].tolist() == ["selected", "", "", "", "", ""]
 
 
-def test_a_claim_tells_its_figure_over_what_is_plausible_and_whether_the_verdict_hangs_on_it(tmp_path: Path) -> None:
+def test_a_claim_tells_its_figure_over_what_is_plausible_and_whether_the_verdict_depends_on_it(tmp_path: Path) -> None:
     of = {"metric": "time_s", "label": "A"}
     claim = {"says": "", "printed": "10 s", "within": "5 %", "measure": "median", "of": of}
     claims = {
@@ -280,7 +280,7 @@ def test_a_claim_tells_its_figure_over_what_is_plausible_and_whether_the_verdict
     }
     cells = [(a_cell(label), [a_record(time_s=time_s)]) for label, time_s in (("A", 10.0), ("B", 10.9))]
     table = judged(store(tmp_path, cells, {"name": "mine", "claims": claims})).set_index("id")
-    assert table["hangs_on"].tolist() == ["partly at label=B; not reproduced at metric=path_length_m", ""]
+    assert table["depends_on"].tolist() == ["partly at label=B; not reproduced at metric=path_length_m", ""]
     assert table[["plausible_low", "plausible_high"]].to_numpy().tolist() == [[3.0, 10.9], [10.0, 10.0]]
 
 

@@ -71,7 +71,7 @@ def test_a_layout_that_is_assumed_is_unknown_unless_more_was_chosen(tmp_path: Pa
     assert told(tmp_path / "b", sources, here=HERE) == {"here": ("selected", "plain.starts selected in plain")}
 
 
-def test_what_a_controller_tells_of_itself_hangs_on_its_own_values_alone(tmp_path: Path) -> None:
+def test_what_a_controller_tells_of_itself_depends_on_its_own_values_alone(tmp_path: Path) -> None:
     sources = {
         "controller": {"build.rules": {"fitted": "why", "claims": ["count"]}},
         "world": {"boxes": {"assumed": "no numbers"}},

@@ -29,7 +29,7 @@ KILLS = int(os.environ.get("NAVBENCH_KILLS", "2"))  # more of them for a closer 
 
 
 def parts_of(path: Path) -> dict[str, bytes]:
-    """Return what must not hang on how often a study was stopped: every part but the latencies, and the report."""
+    """Return what must not depend on how often a study was stopped: every part but the latencies, and the report."""
     kinds = ("episodes", "trajectories", "evaluations", "descriptions")
     files = [file for kind in kinds for file in sorted((path / "outputs/study/smoke" / kind).glob("*.parquet"))]
     files += [file for file in sorted((path / "results/smoke").rglob("*")) if file.is_file() and file.suffix != ".json"]

@@ -145,7 +145,7 @@ JOBS = (*(("run", words) for words in CELLS), *(("tune", words) for words in TUN
 
 
 def machine() -> dict[str, str]:
-    """Return what the last bit may hang on."""
+    """Return what the last bit may depend on."""
     names = ("numpy", "numba", "llvmlite", packages_distributions()["pybullet"][0])
     return {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}",
             "libc": " ".join(platform.libc_ver()), **{name: version(name) for name in names}}  # fmt: skip

@@ -206,7 +206,7 @@ def test_a_table_of_claims_that_was_meddled_with_is_refused(there: str, wrong: s
 def test_a_table_of_claims_that_was_written_before_some_columns_is_read(joined: Path) -> None:
     file = joined / "one1999/claims.csv"
     table = pd.read_csv(file, dtype=str)
-    table.drop(columns=["kind", "simulator", "because", "hangs_on", "plausible_low", "plausible_high"]).to_csv(
+    table.drop(columns=["kind", "simulator", "because", "depends_on", "plausible_low", "plausible_high"]).to_csv(
         file, index=False
     )
     old = read_claims(file)
