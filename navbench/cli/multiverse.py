@@ -122,7 +122,7 @@ def _finish(
         best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),
     )  # fmt: skip
     files = write_multiverse(told, out.joinpath("multiverse", *inner))
-    samples.publish(rows, out.joinpath("multiverse", *inner) / "reconstructions.parquet")
+    samples.publish(rows, out.joinpath("multiverse", *inner))
     return files
 
 

@@ -117,7 +117,8 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
         given[key] = value
     if not path.is_dir():
         raise DescriptionError(f"show {path}: there is no such directory")
-    inner = sorted([*path.glob("*/manifest.json"), *path.glob("*/*/manifest.json")], key=_age)
+    manifests = [*path.glob("*/manifest.json"), *path.glob("*/*/manifest.json")]
+    inner = sorted([file for file in manifests if (file.parent / "episodes").is_dir()], key=_age)
     if inner and not (path / "manifest.json").is_file():
         raise DescriptionError(f"{path}: no results here; the newest within are in {inner[-1].parent}")
     cell = {key: given[key] for key in CELL if key in given}

@@ -58,13 +58,11 @@ def verify(arguments: Sequence[str]) -> int:
 
 def _verify_samples(samples: "Samples") -> int:
     """Print what is wrong with a multiverse's reconstructions, and return the exit code."""
-    from navbench.experiments.samples import DRAWN
-
     faults = samples.faults()
     for file, fault in faults.items():
         print(printable(f"{samples.path}: {file}: {fault}"))
     if not faults:
-        print(printable(f"{samples.path}: all well: {len(samples.read(DRAWN))} reconstructions"))
+        print(printable(f"{samples.path}: all well: {samples.count()} reconstructions"))
     return UNFINISHED if faults else 0
 
 

@@ -46,7 +46,7 @@ NUMBERS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def write(folder: Path, name: str, table: "pa.Table", notes: Mapping[str, str]) -> None:
+def write(folder: Path, name: str, table: "pa.Table", notes: Mapping[str, str], level: int | None = None) -> None:
     """Write a part, whole or not at all.
 
     Args:
@@ -54,12 +54,14 @@ def write(folder: Path, name: str, table: "pa.Table", notes: Mapping[str, str]) 
         name: the part's kind and name, such as "episodes/part-...".
         table: what it holds.
         notes: what it says of itself; those without a word are left out.
+        level: of compression, up to 22; None for the usual one.
     """
     import pyarrow.parquet as pq
 
     told = {f"{NOTE}{key}": value for key, value in notes.items() if value}
     sink = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata({**told, f"{NOTE}seal": OPEN.decode()}), sink, compression="zstd")
+    marked = table.replace_schema_metadata({**told, f"{NOTE}seal": OPEN.decode()})
+    pq.write_table(marked, sink, compression="zstd", compression_level=level)
     keep(folder / name, sealed(name, sink.getvalue()))
 
 

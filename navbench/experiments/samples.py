@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.experiments import parts
-from navbench.experiments.files import OPEN, is_whole, keep, replacing, sealed
+from navbench.experiments.files import OPEN, is_whole, keep, sealed
 from navbench.experiments.schema import LONGEST, ResultsError
 from navbench.reading import bounded
 
 if TYPE_CHECKING:
     import pandas as pd
 
-PRIOR, SECONDS = "prior.json", "seconds"
+PRIOR, SECONDS, PUBLISHED = "prior.json", "seconds", "reconstructions.parquet"
 DRAWN, MOVED = "drawn", "moved"  # kinds: of the sample, and of rows with each dimension moved alone
 
 
@@ -54,7 +54,9 @@ class Samples:
 
     def faults(self) -> dict[str, str]:
         """Return the blocks that are damaged or bear no checksum, by their files, and which of both."""
-        files = sorted(str(file.relative_to(self.path)) for file in self.path.rglob("*.parquet"))
+        files = sorted(
+            str(file.relative_to(self.path)) for kind in ("", SECONDS) for file in (self.path / kind).glob("*.parquet")
+        )
         found = {name: fault for name in files if (fault := parts.fault_of(self.path, name, seals=False))}
         try:
             self.prior()
@@ -116,14 +118,18 @@ class Samples:
         whole = int((there.max() + 1).min())
         return rows[rows["index"] < whole].reset_index(drop=True)
 
-    def publish(self, rows: "pd.DataFrame", file: Path) -> None:
+    def publish(self, rows: "pd.DataFrame", folder: Path) -> None:
         """Write a sample as one small file: where it lies follows from scramble, index and the prior's seed."""
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         table = pa.Table.from_pandas(rows.drop(columns=[SECONDS, "moved"]), preserve_index=False)
-        with replacing(file) as temporary:
-            pq.write_table(table.replace_schema_metadata(), temporary, compression="zstd", compression_level=19)
+        parts.write(folder, PUBLISHED, table, {}, level=19)
+
+    def count(self) -> int:
+        """Return how many reconstructions are there, as blocks or published."""
+        if (self.path / PUBLISHED).is_file():
+            return int(parts.read(self.path, PUBLISHED, ["index"]).num_rows)
+        return len(self.read(DRAWN))
 
     def read(self, kind: str) -> "pd.DataFrame":
         """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any."""

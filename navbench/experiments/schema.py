@@ -135,6 +135,8 @@ def read_manifest(file: Path) -> dict[str, Any]:
         raise ResultsError(f"{file}: is no manifest of navbench") from None
     if found != SCHEMA_VERSION:
         raise ResultsError(f"{file}: schema_version={found}, but this navbench reads {SCHEMA_VERSION}")
+    if "began" not in manifest and (file.parent / "report.md").is_file():
+        raise ResultsError(f"{file.parent}: a study's report without its episodes; `navbench study NAME` runs them")
     try:
         _Manifest.model_validate_json(data)
     except ValidationError as error:

@@ -121,6 +121,13 @@ def test_another_prior_stands_beside_the_study_s_own(command: Command, there: Pa
     beside = pd.read_csv(results / "tables/priors.csv").set_index("id").loc["time"]
     assert (beside["verdict"], beside["narrow_verdict"], beside["narrow_share"]) == ("open", "robust", 1.0)
     assert beside["same_share"] == pytest.approx(beside["share"], abs=0.1)
+    places = "results/tiny/multiverse", "results/tiny/multiverse/narrow"
+    assert command("verify", *places).out.splitlines() == [
+        f"{place}: all well: 128 reconstructions" for place in places
+    ]
+    published = results / "reconstructions.parquet"
+    published.write_bytes(published.read_bytes()[:-1] + b"\0")
+    assert command("verify", places[0]).out == f"{places[0]}: reconstructions.parquet: damaged\n"
 
 
 def test_what_a_cell_sets_itself_stays_and_what_it_does_not_moves(folder: Path) -> None:

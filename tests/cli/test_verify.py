@@ -45,6 +45,15 @@ def test_what_has_just_run_is_well_also_when_it_lies_elsewhere(ran: Path, comman
     assert (done.code, done.out, done.err) == (0, "there: all well: 12 episodes in 10 parts\n", "")
 
 
+@pytest.mark.parametrize("what", ["verify", "report", "show"])
+def test_a_report_without_its_episodes_says_what_runs_them(tmp_path: Path, command: Command, what: str) -> None:
+    (tmp_path / "report.md").touch()
+    (tmp_path / "manifest.json").write_text('{"schema_version": 1, "cells": [], "study": {"name": "smoke"}}')
+    done = command(what, str(tmp_path))
+    said = f"navbench: {tmp_path}: a study's report without its episodes; `navbench study NAME` runs them\n"
+    assert (done.code, done.out, done.err) == (2, "", said)
+
+
 CHANGES: list[tuple[Callable[[Path], object], str]] = [
     (lambda path: flip(min(path.glob("episodes/*"))), "episodes/part-RUN-000000-000004.parquet: damaged"),
     (lambda path: flip(min(path.glob("latency/*"))), "latency/part-RUN-000000-000004.parquet: damaged"),
