@@ -112,8 +112,8 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
 
     Args:
         select: one cell of one episode.
-        approach_s: a control period on the way to the goal with something in reach [s].
-        follow_s: one along a wall [s].
+        approach_s: a control period on the way to the goal with something in reach [s]; the nearest on that way.
+        follow_s: one along a wall, likewise [s].
     """
     row = page.first(select)
     entry = page.stored.configuration(row["run_id"])["configuration"]
@@ -132,8 +132,13 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
     first.text(-0.045, 0.0, "L", color=PALETTE[1], va="center")
     first.set_title("Fig 1: the robot", fontsize=9)
     rows = []
-    for t_s, panels in ((approach_s, rest[:5]), (follow_s, rest[5:])):
-        now = path.iloc[int(np.searchsorted(path["t_s"], t_s - 1e-6))]
+    follows = path["behavior"] == FOLLOW_WALL
+    for t_s, panels, there in ((approach_s, rest[:5], path[~follows]), (follow_s, rest[5:], path[follows])):
+        if there.empty:  # in a reconstruction, say
+            for ax in panels:
+                ax.axis("off")
+            continue
+        now = there.loc[(there["t_s"] - t_s).abs().idxmin()]
         u_p = float(now["x_m"]), float(now["y_m"])
         pose = Pose(*u_p, float(now["heading_rad"]))
         with PlanarSimulator(SimulatorOptions(), robot, sensors, None) as simulator:
@@ -153,8 +158,7 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
             seen = ranges_m < sensors.max_range_m
             u = _draw_approach(panels, u_p, points, mounts, pose.heading_rad, seen, (u_ao, u_gtg), told["blend_alpha"])
         made = math.degrees(heading_error(heading_of(u), pose.heading_rad))
-        follows = now["behavior"] == FOLLOW_WALL
-        word, called = ("follow wall", "u_fw") if follows else ("go to goal", "u_ao_gtg")
+        word, called = ("follow wall", "u_fw") if now["behavior"] == FOLLOW_WALL else ("go to goal", "u_ao_gtg")
         rows.append([float(now["t_s"]), word, called, made, math.degrees(now["heading_error_rad"])])
     return [page.plot(figure), page.table(INSTANTS, rows)]
 

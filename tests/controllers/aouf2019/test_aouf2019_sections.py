@@ -27,6 +27,16 @@ def test_the_drawn_vectors_are_those_that_the_run_steered_by(tmp_path: Path) -> 
     assert "figures/t.png" in text
 
 
+def test_vectors_are_drawn_of_a_run_that_does_other_things_at_these_instants(tmp_path: Path) -> None:
+    for world, behaviors in (("deadlock_long", ["go to goal", "follow wall"]), ("empty", ["go to goal"])):
+        there = tmp_path / world
+        navbench.run("controller=sflc", f"world={world}", "simulator=planar", "workers=0", dir=there / "in")
+        told(vectors, StoredResults(Results(there / "in")), there, select={}, approach_s=10.6, follow_s=8.4)
+        table = pd.read_csv(there / "tables/t.csv")
+        assert table["behavior"].tolist() == behaviors
+        assert table["heading_error_deg"].tolist() == pytest.approx(table["traced_deg"].tolist(), abs=1e-9)
+
+
 def test_table_1_names_what_the_paper_leaves_out_and_what_no_variable_has(tmp_path: Path) -> None:
     sets = {"variable": ["speed", "speed", "turn"], "term": ["S", "L", "S"], "x": [0.0, 1.0, 0.0], "degree": [1.0] * 3}
     reading = store(tmp_path / "in", [(a_cell("A"), [a_record()])], descriptions={"it-sets": sets})
