@@ -138,7 +138,7 @@ def vectors(page: Page, *, select: Select, approach_s: float, follow_s: float) -
             for ax in panels:
                 ax.axis("off")
             continue
-        now = there.loc[(there["t_s"] - t_s).abs().idxmin()]
+        now = there.iloc[int((there["t_s"] - t_s).abs().argmin())]
         u_p = float(now["x_m"]), float(now["y_m"])
         pose = Pose(*u_p, float(now["heading_rad"]))
         with PlanarSimulator(SimulatorOptions(), robot, sensors, None) as simulator:

@@ -9,6 +9,7 @@ from commands import Command
 pytest.importorskip("distributed")
 
 from navbench.experiments.clusters.dask import Dask  # noqa: E402
+from navbench.experiments.workers import MachineError  # noqa: E402
 
 HERE = Dask(address=None)
 
@@ -22,6 +23,15 @@ def test_a_worker_of_dask_that_is_killed_costs_nothing(tmp_path: Path) -> None:
 
 
 def test_deaths_and_errors_are_those_of_the_task_on_dask() -> None:
+    check_deaths_and_errors(HERE)
+
+
+def test_a_scheduler_that_goes_is_a_fault_of_the_machine_and_the_next_run_finds_another() -> None:
+    begun = HERE.open(2)
+    begun._client.close()
+    with pytest.raises(MachineError, match="dask: its scheduler is gone"):
+        begun.next()
+    begun.stop()
     check_deaths_and_errors(HERE)
 
 

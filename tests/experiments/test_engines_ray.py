@@ -39,3 +39,11 @@ def test_a_cluster_that_cannot_be_started_is_told_in_one_line(
     assert done.err.startswith(f"navbench: machine_error: {said}")
     assert done.err.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_an_address_at_which_nobody_listens_is_told_in_one_line(command: Command, tmp_path: Path) -> None:
+    words = ("controller=sflc", "engine=ray", "engine.address=127.0.0.1:1", "hydra.run.dir=here")
+    done = command(*words)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "navbench: engine.address=127.0.0.1:1: no ray cluster answers there\n"
+    assert not list(tmp_path.iterdir())

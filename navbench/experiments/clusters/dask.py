@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -23,6 +24,8 @@ except ModuleNotFoundError as error:
     raise NotInstalledError("engine=dask", error, "dask") from None
 
 REACHED_S = 10.0  # within which a scheduler answers, and a worker is there
+WAIT_S = 0.01  # between two looks for results
+CLOSED = "closed"  # what a client is that cannot reach its scheduler again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -42,7 +45,12 @@ class Dask:
         Raises:
             DescriptionError: no scheduler answers, or it has no worker.
         """
-        return _Dask(_client(self.address, None if self.address else workers))
+        workers = None if self.address else workers
+        client = _client(self.address, workers)
+        if client.status == CLOSED:  # of an earlier run, whose scheduler went
+            _client.cache_clear()
+            client = _client(self.address, workers)
+        return _Dask(client)
 
 
 class _Dask:
@@ -58,6 +66,7 @@ class _Dask:
 
     def send(self, tasks: Mapping[int, Task]) -> None:
         """Begin with some tasks."""
+        self._check_there()
         for number, task in tasks.items():
             future = self._client.submit(remote.do, remote.packed(task, self._run, self._begun), pure=False)
             self._numbers[future] = number
@@ -65,6 +74,9 @@ class _Dask:
 
     def next(self) -> tuple[int, Any]:
         """Wait for any task to end."""
+        while not self._done.has_ready():
+            self._check_there()  # of which the futures need not tell
+            time.sleep(WAIT_S)
         future = next(self._done)
         number = self._numbers.pop(future)
         try:
@@ -78,8 +90,14 @@ class _Dask:
     def stop(self) -> None:
         """End what is under way, and the worker processes of this run."""
         with suppress(OSError, ValueError, TimeoutError):  # it is gone, and all that it did with it
+            if self._client.status == CLOSED:
+                return
             self._client.cancel(list(self._numbers), force=True)
             self._client.run(remote.stop, self._run, on_error="ignore")
+
+    def _check_there(self) -> None:
+        if self._client.status == CLOSED:
+            raise MachineError(Death("dask: its scheduler is gone", by_machine=True))
 
 
 @contextmanager

@@ -1,9 +1,11 @@
 """Ray: a cluster that runs already, or one of this machine's processes."""
 
 import os
+import socket
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, ClassVar
+from urllib.parse import urlsplit
 
 from pydantic.dataclasses import dataclass
 
@@ -19,6 +21,8 @@ try:
     from ray.exceptions import RayError, RayTaskError
 except ModuleNotFoundError as error:
     raise NotInstalledError("engine=ray", error, "ray") from None
+
+REACHED_S = 10.0  # within which a head takes a connection
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -81,7 +85,9 @@ class _Ray:
 def _connect(address: str | None, workers: int | None) -> None:
     """Connect this process to a cluster, for as long as it lasts."""
     options: dict[str, Any] = {"logging_level": "ERROR", "log_to_driver": False}
-    if address is None:
+    if address is not None:
+        _check_heard(address)
+    else:
         options |= {"num_cpus": workers or os.cpu_count() or 1, "include_dashboard": False}
     try:
         ray.init(address=address or "local", **options)
@@ -89,3 +95,18 @@ def _connect(address: str | None, workers: int | None) -> None:
         if address is None:
             raise MachineError(Death(f"ray cannot be started: {one_line(error)}", by_machine=True)) from None
         raise DescriptionError(f"engine.address={address}: {one_line(error)}") from None
+
+
+def _check_heard(address: str) -> None:
+    """Check that somebody listens at an address: where nobody does, ray tries for a quarter of an hour.
+
+    Raises:
+        DescriptionError: nobody does, or that is no address.
+    """
+    try:
+        where = os.environ.get("RAY_ADDRESS", "") if address == "auto" else address  # as ray itself does
+        place = urlsplit(where if "://" in where else f"//{where}")
+        if place.hostname and place.port:  # else ray says what is wrong
+            socket.create_connection((place.hostname, place.port), REACHED_S).close()
+    except (OSError, ValueError):
+        raise DescriptionError(f"engine.address={address}: no ray cluster answers there") from None
