@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, TypeAdapter
+from pydantic import BeforeValidator, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from navbench.mathematics.geometry import distance_to_nearest, segment_crossing
@@ -280,8 +280,17 @@ def parts_of(layout: Layout) -> dict[str, Any]:
 
 
 def layout_of(text: str) -> Layout:
-    """Return the layout that ``Layout.to_json`` wrote."""
-    return _json().validate_json(text)
+    """Return the layout that ``Layout.to_json`` wrote.
+
+    Raises:
+        DescriptionError: it wrote nothing like that.
+    """
+    try:
+        return _json().validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, ("layout", *first["loc"])))
+        raise DescriptionError(f"{place}: {first['msg']}") from None
 
 
 def layout_id(text: str) -> str:

@@ -182,6 +182,21 @@ def test_a_layout_comes_back_from_its_json_to_the_last_bit() -> None:
         assert layout_of(drawn.to_json()) == Layout(**own)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "layout: Invalid JSON: EOF"),
+        ('{"discs": [{"x_m": "far"}]}', "layout.bounds: "),
+        ("[" * 10**5, "layout: Invalid JSON: recursion limit"),
+    ],
+)
+def test_what_is_no_layout_is_refused_in_one_line(text: str, said: str) -> None:
+    with pytest.raises(DescriptionError) as error:
+        layout_of(text)
+    assert str(error.value).startswith(said)
+    assert "\n" not in str(error.value)
+
+
 def test_what_stands_in_the_world_stays_in_front_of_what_is_drawn() -> None:
     world = a_layout(ALL, **STANDING)
     drawn, base = world.drawn_for(0, 0), standing_of(world)
