@@ -174,9 +174,10 @@ def _folder(digest: str) -> Path:
 def _places() -> Iterator[Path]:
     """Yield where compiled functions may lie, best first."""
     yield from (Path(place).absolute() for place in (os.environ.get("NAVBENCH_CACHE_DIR"),) if place)
-    user = platformdirs.user_cache_path("navbench", appauthor=False)
-    if user.is_absolute():  # else the user has no home
-        yield user
+    with suppress(RuntimeError):  # the user has no home, not even in the system's list of users
+        user = platformdirs.user_cache_path("navbench", appauthor=False)
+        if user.is_absolute():  # else the user has no home
+            yield user
     temporary = Path(tempfile.gettempdir(), f"navbench-{getattr(os, 'getuid', str)()}")
     temporary.mkdir(mode=0o700, exist_ok=True)
     found = temporary.lstat()

@@ -2,7 +2,12 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAME = 0.01  # of what was searched: parameters that lie nearer to each other than this make no other case
 
@@ -60,3 +65,10 @@ def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 def _near(values: Iterable[float], others: Iterable[float]) -> bool:
     return all(abs(value - other) <= SAME for value, other in zip(values, others, strict=True))
+
+
+def was_driven(trajectory: "pd.DataFrame", time_limit_s: float) -> bool:
+    """Return whether a trajectory has finite poses at rising times within twice the time limit [s]."""
+    poses = trajectory[["t_s", "x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
+    later_s = np.diff(poses[:, 0], prepend=0.0, append=2.0 * time_limit_s)
+    return bool(np.isfinite(poses).all() and (later_s >= 0.0).all())

@@ -10,7 +10,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.cases import cases_of
+from navbench.analysis.cases import cases_of, was_driven
 from navbench.experiments.store import Results, ResultsError
 from navbench.metrics import DECLARED, Metric
 from navbench.records import NOT_DRIVEN
@@ -101,14 +101,18 @@ class StoredResults:
         cells = self.cells[["run_id", "tuning", "tuning_seed"]].drop_duplicates()  # as a plan counts its episodes
         return len(cells.merge(self.rows[["run_id", "episode"]].drop_duplicates()))
 
+    @property
+    def wanting(self) -> str:
+        """How many of the planned episodes are there, where some are not; else nothing."""
+        there, planned = self.finished, self.manifest["planned"]["episodes"]
+        return f"{there} of {planned} planned episodes are there" if there < planned else ""
+
     @cached_property
     def missing(self) -> list[str]:
         """A sentence each on episodes that are not there, layouts that were not drawn, and impossible tasks."""
-        there = self.finished
-        planned = self.manifest["planned"]["episodes"]
         scenes = self.rows["run_id"].map(lambda run_id: str(self.configuration(run_id)["configuration"]["world"]))
         layouts = self.rows.assign(scene=scenes).drop_duplicates(["scene", "world", "seed", "episode"])
-        told = [f"{there} of {planned} planned episodes are there."] if there < planned else []
+        told = [f"{self.wanting}."] if self.wanting else []
         for outcome, says in NOT_DRIVEN.items():
             lost = layouts[layouts["outcome"] == outcome]
             if len(lost):
@@ -149,6 +153,8 @@ class StoredResults:
             self._places[run_id] = trajectories.groupby(["episode", "robot_index"]).indices
         places = self._places[run_id].get((row["episode"], row["robot_index"]), [])
         trajectory: pd.DataFrame = trajectories.iloc[places]
+        if not was_driven(trajectory, self.time_limit_s(run_id)):  # of results from anybody
+            raise ResultsError(f"{self.results.path}: the trajectory of episode {row['episode']} was never driven")
         return trajectory
 
     @property

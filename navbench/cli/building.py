@@ -5,6 +5,7 @@ import inspect
 import json
 import math
 import re
+import sys
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -138,7 +139,8 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         let_interrupt(error)
         raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None
     lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
-    if lacks or not callable(found):
+    library = str(getattr(found, "__module__", "")).partition(".")[0] in sys.stdlib_module_names  # as of os.system
+    if lacks or library or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     return found  # type: ignore[no-any-return]
 

@@ -1,13 +1,12 @@
 """From a composed configuration to a cell: plain values, checked, and the controller ready to be made."""
 
-import os
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from navbench.cli.building import check_keys, controller_maker, simulator_class
 from navbench.cli.composing import Composed, composing
+from navbench.cli.display import why_none
 from navbench.cli.metrics import metrics_of
 from navbench.cli.worlds import world_of
 from navbench.contract import Controller
@@ -84,8 +83,8 @@ def cell_of(run: Composed, makers: Mapping[str, Callable[..., Controller]] = NON
     _check_steps(world, robot, native)
     if options.gui and not simulator.has_window:
         raise DescriptionError(f"simulator.gui=True: {names.simulator} has no window")
-    if options.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        raise DescriptionError("simulator.gui=True: needs a display, and the variable DISPLAY names none")
+    if options.gui and (why := why_none()):
+        raise DescriptionError(f"simulator.gui=True: needs a display, {why}")
     alone = run.values["episode"]
     jitter = {key: run.values[key] for key in ("start_jitter_m", "start_heading_jitter_rad")}
     metrics = {"metrics": [{"_target_": name} for name in run.values["metrics"]]} if run.values["metrics"] else {}

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import navbench
+from navbench.cli.display import why_none
 from navbench.cli.progress import UNFINISHED, complain
 
 HELP = """navbench doctor: what works on this machine and what to install, a line each
@@ -131,8 +132,8 @@ def _simulator(file: Path) -> Line:
 
 
 def _window() -> Line:
-    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        return Line("note", "no display: simulator.gui=true needs one, which the variable DISPLAY names")
+    if why := why_none():
+        return Line("note", f"no display: simulator.gui=true needs one, {why}")
     return Line("ok", "there is a display for simulator.gui=true")
 
 

@@ -30,6 +30,10 @@ RUN = {  # the words that run what was written
     "sensors": "controller=dual_layer world=deadlock sensors=$name",
     "study": "study $name",
 }
+RESERVED = {  # what is no name on a command line, or no name of a file on Windows
+    *("null", "nan", "inf", "con", "prn", "aux", "nul"),
+    *(f"{port}{number}" for port in ("com", "lpt") for number in range(10)),
+}
 TEMPLATES = Path(navbench.__file__).parent / "templates"
 
 
@@ -62,7 +66,8 @@ def new(arguments: Sequence[str]) -> int:
 
 def _check_name(group: str, name: str, conf: Path) -> None:
     """Check that a name is free, and that Python, Hydra and every file system take it."""
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
+    words = keyword.iskeyword(name) or keyword.iskeyword(name.title())  # of the class
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or words or name in RESERVED:
         raise DescriptionError(
             f"{name}: must be a Python name of small letters, digits and _ that begins with a letter"
         )

@@ -12,6 +12,8 @@ from navbench.cli.configuration import cell_of, native_of, without
 from navbench.cli.worlds import world_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.plan import Plan
+from navbench.experiments.schema import LONGEST
+from navbench.reading import bounded
 from navbench.robot import Robot
 from navbench.sensors import suite_of
 from navbench.simulation.options import SimulatorOptions
@@ -149,7 +151,14 @@ def fitted(plan: Plan, file: Path, config_dir: str | Path | None = None) -> Plan
     study = dict(plan.study or {})
     if not file.is_file():
         raise DescriptionError(f"{file}: missing; `navbench multiverse {study['name']}` writes it")
-    told = json.loads(file.read_text(encoding="utf-8"))
+    try:
+        told = json.loads(bounded(file, LONGEST))
+        if not all(0.0 <= u <= 1.0 for u in told["point"].values()) or not isinstance(told["claims"], list):
+            raise ValueError
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise DescriptionError(
+            f"{file}: is not of this study; `navbench multiverse {study['name']}` writes it"
+        ) from None
     source = {"fitted": "as in the reconstruction that meets most printed numbers", "claims": told["claims"]}
     title = f"{study['title']}, in the reconstruction that meets most printed numbers"
     cells = tuple(at_point(plan.cells, told["point"], source, config_dir))

@@ -27,6 +27,7 @@ SHOWN_MAX = 12  # claims; of more it is told how many have which verdict
 def report(arguments: Sequence[str]) -> int:
     """Rebuild tables and figures from results directories, or join the reports in one."""
     words = sort_words(arguments, ("--trust", "--config-dir"))
+    from navbench.analysis.stored import StoredResults
     from navbench.experiments.store import Results
     from navbench.report.joined import write_joined
     from navbench.report.reports import write_report
@@ -59,7 +60,12 @@ def report(arguments: Sequence[str]) -> int:
         written = write_report(runs, out, trust=words.trust, config_dir=words.config_dir)
     except (AttributeError, IndexError, KeyError, TypeError) as error:  # of claims and an outline that are no study's
         raise DescriptionError(f"{' '.join(words.names)}: cannot be reported: {one_line(error)}") from None
-    return print_written(written)
+    code = print_written(written)
+    for run in runs:
+        if wanting := StoredResults(run).wanting:
+            complain(f"{run.path}: {wanting}")
+            code = UNFINISHED
+    return code
 
 
 def print_written(written: "Written") -> int:

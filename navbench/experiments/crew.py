@@ -7,7 +7,8 @@ from multiprocessing.util import Finalize
 from threading import Lock
 from typing import Any, NamedTuple
 
-from navbench.experiments.workers import Worker, begun
+from navbench.experiments.workers import Death, Worker, begun
+from navbench.raised import one_line
 
 
 class Task(NamedTuple):
@@ -45,7 +46,10 @@ class Crew:
             InterruptedError: the crew was stopped.
             Exception: whatever the task raises.
         """
-        worker = Worker(self._begun) if task.alone else self._worker()
+        try:
+            worker = Worker(self._begun) if task.alone else self._worker()
+        except (EOFError, OSError) as error:  # what workers are forked from was killed, or there is no room for more
+            return Death(f"its process could not be started: {one_line(error)}", by_machine=True)
         with self._lock:
             self._busy.add(worker)
         try:

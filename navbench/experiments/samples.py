@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PRIOR, SECONDS, PUBLISHED = "prior.json", "seconds", "reconstructions.parquet"
+OF, OTHER = "prior", "of another prior"  # under which a block names its prior, and the fault of one that is not here
 DRAWN, MOVED = "drawn", "moved"  # kinds: of the sample, and of rows with each dimension moved alone
 
 
@@ -45,8 +46,7 @@ class Samples:
                 if old.get(key) != prior[key] and not (key == "code" and other_code):
                     raise ResultsError(f"{self.path}: was begun with other {key}; {here}")
             return
-        text = json.dumps({**prior, "seal": OPEN.decode()}, indent=1) + "\n"
-        keep(file, sealed(PRIOR, text.encode()))
+        write_prior(self.path, prior)
 
     def has(self, name: str) -> bool:
         """Return whether a block is there."""
@@ -57,17 +57,24 @@ class Samples:
         files = sorted(
             str(file.relative_to(self.path)) for kind in ("", SECONDS) for file in (self.path / kind).glob("*.parquet")
         )
-        found = {name: fault for name in files if (fault := parts.fault_of(self.path, name, seals=False))}
         try:
             self.prior()
+            seals = is_whole(PRIOR, bounded(self.path / PRIOR, LONGEST))
+            found = {} if seals else {PRIOR: parts.UNSEALED}
+            seal = self._seal()
         except ResultsError:
-            found[PRIOR] = parts.DAMAGED
-        return found
+            seals, found, seal = None, {PRIOR: parts.DAMAGED}, ""
+        found |= {name: fault for name in files if (fault := parts.fault_of(self.path, name, seals=bool(seals)))}
+        sound = [name for name in files if name not in found and seal]
+        found |= {name: OTHER for name in sound if parts.notes_of(self.path, name).get(OF, seal) != seal}
+        lost = (f"{SECONDS}/{name}" for name in files if name.startswith((f"{DRAWN}-", f"{MOVED}-")))
+        return found | dict.fromkeys((name for name in lost if name not in files), parts.DAMAGED)
 
     def discard_damaged(self) -> list[Path]:
         """Remove the blocks that are damaged, to be made anew, and return their files."""
         faults = self.faults().items()
-        damaged = [self.path / name for name, fault in faults if fault == parts.DAMAGED and name != PRIOR]
+        bad = (parts.DAMAGED, OTHER)
+        damaged = [self.path / name for name, fault in faults if fault in bad and name != PRIOR]
         for file in damaged:  # of a block and its seconds the block tells whether both are there
             (self.path / file.name).unlink(missing_ok=True)
         return damaged
@@ -79,7 +86,7 @@ class Samples:
         kept = {key: column for key, column in columns.items() if key != SECONDS}
         apart = {f"{SECONDS}/{name}": {SECONDS: columns[SECONDS]}} if SECONDS in columns else {}
         for file, table in {**apart, name: kept}.items():
-            parts.write(self.path, f"{file}.parquet", pa.table(table), {})
+            parts.write(self.path, f"{file}.parquet", pa.table(table), {OF: self._seal()})
 
     def part(self, name: str) -> "pd.DataFrame":
         """Return a block that is there.
@@ -109,6 +116,11 @@ class Samples:
         prior.pop("seal", None)
         return prior
 
+    def _seal(self) -> str:
+        """Return the prior's seal, which every block names; nothing without one."""
+        file = self.path / PRIOR
+        return str(json.loads(bounded(file, LONGEST)).get("seal", "")) if file.is_file() else ""
+
     def even(self, kind: str) -> "pd.DataFrame":
         """Return the reconstructions of a kind, of each scramble as many as all have, as ``read``."""
         rows = self.read(kind)
@@ -123,7 +135,7 @@ class Samples:
         import pyarrow as pa
 
         table = pa.Table.from_pandas(rows.drop(columns=[SECONDS, "moved"]), preserve_index=False)
-        parts.write(folder, PUBLISHED, table, {}, level=19)
+        parts.write(folder, PUBLISHED, table, {OF: self._seal()}, level=19)
 
     def count(self) -> int:
         """Return how many reconstructions are there, as blocks or published."""
@@ -146,3 +158,9 @@ class Samples:
             tables.append(table.append_column(SECONDS, seconds[SECONDS]))
         frame: pd.DataFrame = pa.concat_tables(tables).to_pandas()
         return frame.sort_values(["scramble", "index", "moved"], kind="stable", ignore_index=True)
+
+
+def write_prior(folder: Path, prior: Mapping[str, Any]) -> None:
+    """Write what is drawn and asked, under a seal."""
+    text = json.dumps({**prior, "seal": OPEN.decode()}, indent=1) + "\n"
+    keep(folder / PRIOR, sealed(PRIOR, text.encode()))

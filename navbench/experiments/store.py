@@ -84,7 +84,7 @@ class Results:
             manifest["checksums"] = old.get("checksums", False)
             manifest["codes"] = old.get("codes", {}) | manifest["codes"]
             changed = [name for name, now in manifest["code"].items() if before.get(name) != now]
-        elif self.path.is_dir() and any(self.path.glob("*/part-*.parquet")):
+        elif any(self.parts(kind, "[!.]") for kind in KINDS):
             raise ResultsError(f"{self.path}: holds parts without a manifest; choose another directory")
         self._write_manifest(manifest)
         return changed

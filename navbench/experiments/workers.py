@@ -33,6 +33,7 @@ GROUPS = hasattr(os, "setsid")
 WATCH_S = 0.5  # between two looks at a worker
 LOOKS = 20  # the last ones, which tell a step that waits from one that gets no core
 END_S = 5.0  # that a process may take to end that has been told to
+SAFE = "PYTHONSAFEPATH"
 MEMORY_SHARE = 0.8  # of the machine's memory is what one worker may take
 PRELOADED = ("navbench.experiments.running", "navbench.experiments.warm")
 CLOCK = getattr(signal, "SIGALRM", None)
@@ -202,9 +203,22 @@ def start_server(modules: Sequence[str] = PRELOADED) -> None:
     from multiprocessing import forkserver, resource_tracker
 
     forkserver.set_forkserver_preload(list(modules))
-    resource_tracker.ensure_running()  # which would let Ctrl-C through again
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread, for good
-    forkserver.ensure_running()
+    with _safe_path():
+        resource_tracker.ensure_running()  # which would let Ctrl-C through again
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread, for good
+        forkserver.ensure_running()
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Keep processes that begin with ``python -c`` from importing what lies in the working directory by chance."""
+    before = os.environ.get(SAFE)
+    os.environ[SAFE] = before or "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE]
 
 
 def check_place() -> None:

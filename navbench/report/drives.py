@@ -2,10 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+from navbench.analysis.stored import StoredResults
+from navbench.experiments.store import ResultsError
+from navbench.records import Outcome
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,6 +44,19 @@ class Drive:
         reason, kind, index = str(self.row["reason"]), str(self.row["hit"]), int(self.row["hit_index"])
         why = f": {reason.replace(f'{kind} {index}', named(kind, index))}" if reason else ""
         return f"{str(self.row['outcome']).replace('_', ' ')}{after}{why}"
+
+
+def robots_of(stored: StoredResults, run_id: str, episode: int) -> list[dict[Any, Any]]:
+    """Return the rows of an episode in the table of episodes, one a robot.
+
+    Raises:
+        ResultsError: they are not of the robots that its layout has.
+    """
+    rows = stored.rows[(stored.rows["run_id"] == run_id) & (stored.rows["episode"] == episode)]
+    robots = range(len(stored.world(run_id, episode).starts))
+    if list(rows["robot_index"]) != list(robots) or not rows["outcome"].isin(get_args(Outcome)).all():
+        raise ResultsError(f"{stored.results.path}: the rows of episode {episode} are not those of its robots")
+    return rows.to_dict("records")
 
 
 def named(kind: str, index: int) -> str:

@@ -21,7 +21,7 @@ from navbench.report.drawing import (
     patch_of,
     thinned,
 )
-from navbench.report.drives import BANDS, FEW, Drive, active_of
+from navbench.report.drives import BANDS, FEW, Drive, active_of, robots_of
 from navbench.report.figures import COLOURS, PALETTE, robot_color
 from navbench.report.paths import Word, draw_pieces, draw_stroke, together, write_beside
 from navbench.report.strips import (
@@ -73,7 +73,7 @@ def draw_episode(
 
     cell, world = stored.configuration(run_id), stored.world(run_id, episode)
     body = describe(Robot, cell["configuration"]["robot"], "robot")
-    rows = stored.rows[(stored.rows["run_id"] == run_id) & (stored.rows["episode"] == episode)].to_dict("records")
+    rows = robots_of(stored, run_id, episode)
     drives = [Drive(row, stored.trajectory(row), robot_color(row["robot_index"])) for row in rows]
     shown = drives if robot is None else [drives[robot]]
     told = _told_of(shown)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults
 from navbench.experiments.rows import RANGES, TRAJECTORY
 from navbench.report.drawing import MOVER, MOVER_EDGE, draw_goal, draw_obstacles, frame, mover_patch
-from navbench.report.drives import ACTIVE, FEW, Drive, active_of
+from navbench.report.drives import ACTIVE, FEW, Drive, active_of, robots_of
 from navbench.report.figures import COLOURS, robot_color
 from navbench.report.playback import trace_words
 from navbench.robot import Robot
@@ -124,7 +124,7 @@ def played(stored: StoredResults, run_id: str, episode: int) -> Played:
         ResultsError: nothing was driven, or no trajectories are kept.
     """
     cell, world = stored.configuration(run_id), stored.world(run_id, episode)
-    rows = stored.rows[(stored.rows["run_id"] == run_id) & (stored.rows["episode"] == episode)].to_dict("records")
+    rows = robots_of(stored, run_id, episode)
     drives = [Drive(row, stored.trajectory(row), robot_color(row["robot_index"])) for row in rows]
     begins = [(start.x_m, start.y_m, world.start_heading_rad(i)) for i, start in enumerate(world.starts)]
     words = trace_words(stored, run_id)

@@ -1,5 +1,6 @@
 """Figures of shares, in how many reconstructions claims hold, and the shares that a report holds."""
 
+import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from navbench.analysis.fitting import Fit
 from navbench.analysis.printed import quantity
 from navbench.analysis.shares import CONTRADICTED, HOLDS, ROBUST, Drawn, Shares
+from navbench.experiments.schema import LONGEST
 from navbench.mathematics.statistics import clopper_pearson
+from navbench.reading import bounded
 from navbench.report.figures import PALETTE
+from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +38,14 @@ def read_shares(folder: Path) -> "pd.DataFrame":
     import pandas as pd
 
     file = folder / "tables" / "shares.csv"
-    return pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=["id", "verdict", "share"])
+    if not file.is_file():
+        return pd.DataFrame(columns=["id", "verdict", "share"])
+    table = pd.read_csv(io.BytesIO(bounded(file, LONGEST)))
+    if not {"id", "verdict", "share"} <= set(table) or len(table) and table["share"].dtype.kind not in "fi":
+        raise DescriptionError(f"{file}: must have columns id and verdict of words and share of numbers")
+    if wrong := set(table["verdict"]).difference(VERDICTS):
+        raise DescriptionError(f"{file}: verdict={wrong.pop()}; allowed: {', '.join(VERDICTS)}")
+    return table
 
 
 def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":

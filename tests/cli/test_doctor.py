@@ -71,7 +71,7 @@ def test_what_a_look_raises_is_its_own_line(command: Command, monkeypatch: pytes
 
 def test_a_display_is_told_from_none(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setenv("DISPLAY", ":7")
+    monkeypatch.setenv("DISPLAY", "elsewhere:7")
     assert lines_of(command("doctor").out)["window"].startswith("ok ")
     monkeypatch.delenv("DISPLAY")
     assert lines_of(command("doctor").out)["window"].startswith("note no display")

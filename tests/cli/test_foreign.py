@@ -1,6 +1,7 @@
 """Results, configurations and files that came from somebody else: they are data, and do nothing."""
 
 import json
+import math
 import os
 import re
 import subprocess
@@ -14,6 +15,9 @@ import pytest
 from commands import Command, in_a_process
 from stored import THEIRS, a_cell, a_record, store
 
+from benchmarks.kill import WORLD
+from navbench.experiments import parts
+from navbench.experiments.store import Results
 from navbench.reading import check_name, flat, printable
 from navbench.report import latex, markdown
 from navbench.report.document import Block, Column, Document, Finding, Heading, Lines, Paragraph, Plot, Table
@@ -199,6 +203,46 @@ def test_what_lies_in_the_working_directory_is_not_imported_unless_it_is_named(
     module = subprocess.run([sys.executable, "-m", "navbench", "report", "here"], cwd=tmp_path, check=True)
     assert module.returncode == 0
     assert not (tmp_path / "executed").exists()
+
+
+def test_what_is_called_as_our_packages_are_is_not_imported_by_workers_either(tmp_path: Path) -> None:
+    for name in ("numpy", "navbench", "socket", "signal"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'a').write(__name__)\n")
+    done = in_a_process(tmp_path, *RUN, "workers=1", "hydra.run.dir=here")
+    assert (done.code, (tmp_path / "executed").exists()) == (0, False), done.err
+
+
+def test_a_file_that_names_a_function_of_the_standard_library_runs_nothing(tmp_path: Path, command: Command) -> None:
+    (tmp_path / "conf/world").mkdir(parents=True)
+    evil = f"source: {{_target_: os.system, command: touch {tmp_path}/executed}}"
+    (tmp_path / "conf/world/evil.yaml").write_text(f"{WORLD}{evil}\n")
+    done = command("controller=go_to_goal", "world=evil", "simulator=planar", "--config-dir", "conf")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "os.system" in done.err
+    assert not (tmp_path / "executed").exists()
+
+
+ABSURD: list[tuple[str, dict[str, Any]]] = [
+    ("trajectories", {"t_s": 1e300}),
+    ("trajectories", {"x_m": math.inf}),
+    ("episodes", {"robot_index": 2**40}),
+    ("episodes", {"outcome": "evil"}),
+]
+
+
+@pytest.mark.parametrize(("kind", "values"), ABSURD, ids=str)
+def test_rows_that_no_robot_left_are_told_in_one_line(
+    kind: str, values: dict[str, Any], tmp_path: Path, command: Command
+) -> None:
+    assert command(*RUN, "hydra.run.dir=here").code == 0
+    for part in Results(tmp_path / "here").parts(kind):
+        rows = parts.read(tmp_path / "here", f"{kind}/{part}").to_pylist()
+        parts.write(tmp_path / "here", f"{kind}/{part}", pa.Table.from_pylist([row | values for row in rows]), {})
+    for words in (("show", "here", "episode=0"), ("replay", "here", "episode=0", "--video", "out.gif")):
+        done = command(*words)
+        assert (done.code, done.err.count("\n")) == (2, 1), done.err
+        assert done.err.startswith("navbench: here")
+    assert not list(tmp_path.glob("*.gif"))
 
 
 def test_a_sweep_reaches_ones_own_controller_also_when_its_processes_run_already(tmp_path: Path) -> None:

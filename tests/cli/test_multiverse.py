@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from commands import Command, in_a_process
 
@@ -18,6 +19,7 @@ from navbench.cli.prior import reconstructions_of
 from navbench.cli.sample import Places, Sample
 from navbench.cli.sampling import Block, places, run_block
 from navbench.cli.searching import POPULATION, Searches
+from navbench.experiments import parts
 from navbench.experiments.files import locked
 from navbench.experiments.samples import DRAWN, Samples
 
@@ -266,6 +268,28 @@ def test_a_damaged_block_is_found_named_and_made_anew_and_nobody_else_writes_mea
     assert "there: a run goes on here: process " in done.err
 
 
+def test_blocks_without_seconds_or_seal_or_of_another_seed_are_named_and_made_anew(
+    command: Command, there: Path
+) -> None:
+    block, seconds = there / "drawn-03-000000-008.parquet", there / "seconds/drawn-05-000000-008.parquet"
+    whole = block.read_bytes()
+    seconds.unlink()
+    table = pq.read_table(block)
+    pq.write_table(table.replace_schema_metadata(), block)
+    said = [
+        f"there: {name}: damaged" for name in ("drawn-03-000000-008.parquet", "seconds/drawn-05-000000-008.parquet")
+    ]
+    assert command("verify", "there").out.splitlines() == said
+    assert command(*WORDS).code == 0
+    assert (block.read_bytes(), command("verify", "there").code) == (whole, 0)
+    parts.write(there, block.name, table, {"prior": "another"})
+    assert command("verify", "there").out == f"there: {block.name}: of another prior\n"
+    assert command(*WORDS).code == 0
+    assert block.read_bytes() == whole
+    (there / "prior.json").write_text(json.dumps(Samples(there).prior()))
+    assert command("verify", "there").out.splitlines()[0] == "there: prior.json: no checksum"
+
+
 def test_another_prior_is_refused_and_what_is_there_stays(command: Command, there: Path) -> None:
     before = sorted(there.glob("*.parquet"))
     done = command(*WORDS, "seed=1")
@@ -328,6 +352,13 @@ def test_the_best_reconstruction_is_there_only_after_a_multiverse(command: Comma
     assert (done.code, done.err.count("\n")) == (2, 1)
     assert "results/tiny/multiverse/best.json: missing; `navbench multiverse tiny` writes it" in done.err
     assert command("study", "tiny", "reconstruction=worst", "--config-dir", "conf").code == 2
+    best = folder / "results/tiny/multiverse/best.json"
+    best.parent.mkdir(parents=True)
+    for text in ("[]", "{", '{"point": {"a": 5.0}, "claims": []}', '{"point": {}}', '{"point": {}, "claims": 3}'):
+        best.write_text(text)
+        done = command("study", "tiny", "reconstruction=best", "--config-dir", "conf")
+        assert (done.code, done.err.count("\n")) == (2, 1), text
+        assert "best.json: is not of this study; `navbench multiverse tiny` writes it" in done.err
 
 
 @pytest.mark.parametrize(

@@ -115,6 +115,9 @@ def test_a_file_that_cannot_be_written_leaves_none_behind(tmp_path: Path, comman
         (("world", "Ünder"), "Ünder: must be a Python name"),
         (("world", "_part"), "_part: must be a Python name"),
         (("controller", "class"), "class: must be a Python name"),
+        (("world", "null"), "null: must be a Python name"),
+        (("controller", "none"), "none: must be a Python name"),
+        (("robot", "con"), "con: must be a Python name"),
         (("controller", "sflc"), "sflc: navbench has a controller of that name; choose another one"),
         (
             ("world", "corner", "--config-dir", str(CONF)),

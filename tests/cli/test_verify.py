@@ -78,6 +78,12 @@ def test_what_is_missing_or_other_is_a_line_and_exit_3(
     assert any(line.startswith(said.replace("RUN", run_id)) for line in lines_of(command("verify", "here")))
 
 
+def test_a_report_of_unfinished_work_says_so_and_ends_with_3(ran: Path, command: Command) -> None:
+    max(ran.glob("episodes/*")).unlink()
+    done = command("report", "here")
+    assert (done.code, done.err) == (3, "navbench: here: 10 of 12 planned episodes are there\n")
+
+
 def test_code_that_has_changed_since_is_named(ran: Path, command: Command) -> None:
     manifest = json.loads((ran / "manifest.json").read_text())
     for modules in manifest["codes"].values():

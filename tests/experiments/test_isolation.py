@@ -11,8 +11,10 @@ from commands import Command
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
 from navbench.episode.isolation import WIPE_ON_FORK, Isolation
+from navbench.experiments.crew import Crew, Task
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import Ran, run_plan
+from navbench.experiments.workers import Death
 
 CODE = """
 import asyncio, ctypes, math, os, random, signal, subprocess, time
@@ -257,3 +259,15 @@ def test_a_tuning_charges_a_candidate_that_ends_its_process_as_one_that_raises(o
     assert len(set(ended[0]["cost"])) > 2
     beside = evaluations(own, "os._exit", "beside", 2, 0, 1)
     pd.testing.assert_frame_equal(raised[0], beside[0], rtol=0.0, atol=0.0)
+
+
+def test_a_process_that_cannot_be_started_is_a_fault_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        raise EOFError("unexpected EOF")  # as where the server that forks workers was killed
+
+    monkeypatch.setattr("navbench.experiments.crew.Worker", fail)
+    for alone in (False, True):
+        found = Crew([]).do(Task(str, 1, alone))
+        assert isinstance(found, Death)
+        assert found.by_machine
+        assert found.reason.startswith("its process could not be started: EOFError: unexpected EOF")

@@ -203,6 +203,15 @@ def test_other_work_is_refused_in_one_line_with_exit_2_unless_it_is_to_be_overwr
     assert set(Results(tmp_path / "here").episodes()["seed"]) == {1}
 
 
+def test_a_folder_with_anybodys_tables_is_not_taken_for_results(tmp_path: Path) -> None:
+    mine = tmp_path / "here/episodes/mine.parquet"
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"of years")
+    with pytest.raises(DescriptionError, match="holds parts without a manifest"):
+        run_plan(plan_of(1), tmp_path / "here", 1)
+    assert mine.read_bytes() == b"of years"
+
+
 # A lock
 
 

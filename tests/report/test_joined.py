@@ -18,6 +18,7 @@ from navbench.analysis.stored import StoredResults
 from navbench.report.crossing import crossed_tables, success_map
 from navbench.report.joined import read_claims, read_study, write_joined
 from navbench.report.reports import write_report
+from navbench.report.shares import read_shares
 from navbench.validation import DescriptionError
 
 GROUPS = {"one paper": ["plain"], "another": ["other"]}
@@ -144,6 +145,21 @@ def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined:
     environment = {**os.environ, "PYTHONHASHSEED": "12345"}
     subprocess.run([sys.executable, "-c", code, str(joined)], check=True, env=environment)
     assert (joined / "README.md").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("id,what\na,1\n", "must have columns id and verdict of words and share of numbers"),
+        ("id,verdict,share\na,robust,much\n", "must have columns id and verdict of words and share of numbers"),
+        ("id,verdict,share\na,evil,0.5\n", "verdict=evil; allowed: "),
+    ],
+)
+def test_a_table_of_shares_that_was_meddled_with_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables/shares.csv").write_text(text)
+    with pytest.raises(DescriptionError, match=f"tables/shares.csv: {said}"):
+        read_shares(tmp_path)
 
 
 @pytest.mark.parametrize(
