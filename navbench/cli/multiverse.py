@@ -121,8 +121,8 @@ def _finish(
         name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
         best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),
     )  # fmt: skip
-    files = write_multiverse(told, out.joinpath("multiverse", *inner))
     samples.publish(rows, out.joinpath("multiverse", *inner))
+    files = write_multiverse(told, out.joinpath("multiverse", *inner))
     return files
 
 

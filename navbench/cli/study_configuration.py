@@ -147,6 +147,7 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
             for i, spec in enumerate(file.tunings)
             for tuning in _tunings(f"study/{name}.tunings[{i}]", spec, composer)
         )
+        _check_apart(f"study/{name}.tunings", tunings)
         known = {tuning.name for tuning in tunings}
         cells: list[Cell] = []
         for i, spec in enumerate(file.cells):
@@ -163,6 +164,15 @@ def compose_study(name: str, config_dir: str | Path | None = None) -> Plan:
     check_references(f"study/{name}", {**asked, "report": values.get("report")}, cells)
     check_chosen(name, values, [*cells, *tunings], [CONF, *([Path(config_dir)] if config_dir else [])])
     return Plan(cells=tuple(cells), tunings=tunings, study={"name": name, **content})
+
+
+def _check_apart(key: str, tunings: Sequence[Tuning]) -> None:
+    """Check that no search is named twice: its evaluations bear one name."""
+    names: dict[str, str] = {}
+    for tuning in tunings:
+        first = names.setdefault(tuning.key().tuning_id, tuning.name)
+        if first != tuning.name:
+            raise DescriptionError(f"{key}: {tuning.name} is the search that {first} is; let its cells name {first}")
 
 
 def _cells(key: str, spec: CellSpec, composer: Composer, tunings: Sequence[Tuning]) -> list[Cell]:

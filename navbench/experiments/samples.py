@@ -131,8 +131,10 @@ class Samples:
         return rows[rows["index"] < whole].reset_index(drop=True)
 
     def publish(self, rows: "pd.DataFrame", folder: Path) -> None:
-        """Write a sample as one small file: where it lies follows from scramble, index and the prior's seed."""
+        """Write a sample as one small file, and its prior: where it lies follows from scramble, index and its seed."""
         import pyarrow as pa
+
+        write_prior(folder, self.prior())
 
         table = pa.Table.from_pandas(rows.drop(columns=[SECONDS, "moved"]), preserve_index=False)
         parts.write(folder, PUBLISHED, table, {OF: self._seal()}, level=19)

@@ -14,7 +14,6 @@ from navbench.analysis.factors import Factor
 from navbench.analysis.fitting import Fit
 from navbench.analysis.multiverse import KIND, Multiverse
 from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, admissible_of, halves, shares_of, worth
-from navbench.experiments.samples import write_prior
 from navbench.experiments.store import write_table
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Plot, Table
@@ -105,7 +104,6 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
             *_made(told, shares),
         ],
     )
-    write_prior(out, told.prior)
     if best:
         write_table(out / BEST, json.dumps(_point(told, best), indent=1) + "\n")
     return write_document(document, out)

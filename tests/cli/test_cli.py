@@ -83,7 +83,7 @@ WRONG = [
     ((*GO, "objective=time"), "navbench: objective=time: is a key of `navbench tune`, not of a run\n"),
     ((*GO, "budget=3"), "navbench: budget=3: is a key of `navbench tune`, not of a run\n"),
     ((*GO, "world.source.x=1"), "world.source.x: unknown key; world.source is null here; set the whole mapping, as "),
-    ((*GO, "world.source={_target_: os.getcwd}"), "world.source._target_=posix.getcwd: must name a class with draw("),
+    ((*GO, "world.source={_target_: os.getcwd}"), "world.source._target_=os.getcwd: must name a class with draw("),
     ((*GO, "metrics=[nope]"), "metrics[0]=nope: must name a metric of your own as module.function; always measured: "),
     (("study",), "navbench: study: name one study; there are: aouf2019, "),
     (("study", "aouf2019", "lei2014"), "navbench: study aouf2019 lei2014: name one study; "),

@@ -205,6 +205,12 @@ WRONG = {
         "label: random PID, controllers: {S.F.L.C.: [controller=sflc]},",
     ),
     "budget=5: must be at least 10": ("budget=12", "budget=5"),
+    "study/wrong.tunings: again is the search that random is; let its cells name random": (
+        "budget=12], seeds: 2}",
+        "budget=12], seeds: 2}\n"
+        "  - {name: again, seeds: 1,\n"
+        "     overrides: [controller=pid, tuner=random, objective=ise, world=corner, budget=12]}",
+    ),
     "report[0].name": ("{name: verdicts, title", "{name: horoscope, title"),
     "must be above 0": ("practically_equal: 2 %", "practically_equal: 0"),
     "controller.tunable.kp.high": ("tuner=random,", "tuner=random, controller.tunable.kp.high=-1.0,"),
