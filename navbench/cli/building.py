@@ -129,7 +129,7 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
     """Return what a dotted name stands for."""
     complaint = f"{key}={target}:"
     module, _, name = target.rpartition(".") if isinstance(target, str) else ("", "", "")
-    if not module or not name:
+    if not module or not name or module.partition(".")[0] in sys.stdlib_module_names:  # such as os.system
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     try:
         found = getattr(import_named(module), name)
@@ -139,8 +139,7 @@ def located(key: str, target: Any, methods: Sequence[str]) -> Callable[..., Any]
         let_interrupt(error)
         raise DescriptionError(f"{complaint} cannot be imported: {one_line(error)}") from None
     lacks = inspect.isclass(found) and not all(hasattr(found, method.split("(")[0]) for method in methods)
-    library = str(getattr(found, "__module__", "")).partition(".")[0] in sys.stdlib_module_names  # as of os.system
-    if lacks or library or not callable(found):
+    if lacks or not callable(found):
         raise DescriptionError(f"{complaint} {_kind(methods)}")
     return found  # type: ignore[no-any-return]
 

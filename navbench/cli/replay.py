@@ -2,8 +2,6 @@
 
 import errno
 import math
-import os
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
@@ -11,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from navbench.cli.display import why_none
 from navbench.cli.progress import progress, tell
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
@@ -96,10 +95,8 @@ def _speed(text: str) -> float:
 def _check_way_out(video: Path | None) -> None:
     """Check that there is something to play on."""
     if video is None:
-        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-            raise DescriptionError(
-                "replay: needs a display, and the variable DISPLAY names none; --video FILE.gif writes a video"
-            )
+        if why := why_none():
+            raise DescriptionError(f"replay: needs a display, {why}; --video FILE.gif writes a video")
         return
     if video.suffix not in FORMS:
         raise DescriptionError(f"--video {video}: must end in {' or '.join(FORMS)}")

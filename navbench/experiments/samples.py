@@ -135,7 +135,6 @@ class Samples:
         import pyarrow as pa
 
         write_prior(folder, self.prior())
-
         table = pa.Table.from_pandas(rows.drop(columns=[SECONDS, "moved"]), preserve_index=False)
         parts.write(folder, PUBLISHED, table, {OF: self._seal()}, level=19)
 

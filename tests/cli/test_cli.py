@@ -227,6 +227,12 @@ def test_a_wrong_flag_is_refused_in_one_line(command: Command, tmp_path: Path, f
     assert files_in(tmp_path) == set()
 
 
+def test_a_display_that_does_not_answer_is_told(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":98765")
+    monkeypatch.setattr(sys, "platform", "linux")
+    check_refused(command(*GO, "simulator.gui=true"), "simulator.gui=True: needs a display, and DISPLAY=:98765 is none")
+
+
 def test_a_window_without_a_display_is_refused(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
