@@ -127,7 +127,7 @@ def _together(best: Fit, search: Search) -> str:
     return (
         f"In the best reconstruction that {found}, {best.holds.sum()} of {len(best.claims)} printed numbers hold "
         f"at once; of placebo tables, with the same numbers permuted, {best.placebos.min()} to {best.placebos.max()}. "
-        f"Left out in turn, {best.predicts.sum()} are predicted by the reconstruction that meets the others best."
+        f"Of those left out in turn, the reconstruction that meets the others best predicts {best.predicts.sum()}."
     )
 
 
