@@ -98,7 +98,8 @@ def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, ag
         return INTERRUPTED
     far = f"{step.done} of {step.of} {step.what.split()[-1]}" if step else ""
     said = f"interrupted{' after ' if far else ''}{far}" if interrupted else f"{one_line(error)}: after {far}"
-    complain(f"{said}{stage}; they are kept in {path}, and this goes on from there: {again}")
+    kept_so_far = "they are" if far else "what was finished is"
+    complain(f"{said}{stage}; {kept_so_far} kept in {path}, and this goes on from there: {again}")
     if interrupted and not stage and (path / "episodes").is_dir():
         write_tables(Results(path))
     return INTERRUPTED if interrupted else UNFINISHED

@@ -60,17 +60,19 @@ def write_tables(results: Results, each: "Each" = map) -> "pd.DataFrame":
     ]
     if not (file.is_file() and all(file.stat().st_mtime > one.stat().st_mtime for one in drawn_of)):
         sample = _drawn(results)
-        picture.save_trajectories(results, sample.runs, file, each, sample.says)
+        if sample.runs:
+            picture.save_trajectories(results, sample.runs, file, each, sample.says)
     return table
 
 
 def _drawn(results: Results) -> "Sample":
-    """Return which of the runs that have episodes a picture shows."""
+    """Return which of the runs that have episodes, and whose trajectories are kept, a picture shows."""
     from navbench.report.sampling import sample_of
 
     finished = results.finished()
     planned = dict.fromkeys(cell["run_id"] for cell in results.manifest()["cells"])
-    return sample_of([run_id for run_id in planned if run_id in finished], results.episodes(), PANELS_MAX)
+    runs = [run_id for run_id in planned if run_id in finished and results.keeps_trajectories(run_id)]
+    return sample_of(runs, results.episodes(), PANELS_MAX)
 
 
 def table_of(results: Results) -> "pd.DataFrame":

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import time
@@ -91,19 +92,29 @@ def _alive(group: int) -> bool:
     return True
 
 
-def test_an_interrupt_ends_a_study_and_says_how_to_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("begun", "kept"),
+    [
+        ("evaluations/part-*", r"( after \d+ of \d+ \w+; they are|; what was finished is)"),
+        ("episodes/part-*-000025-*", r" after \d+ of 120006 episodes; they are"),  # of a cell without trajectories
+    ],
+)
+def test_an_interrupt_ends_a_study_and_says_how_to_go_on(tmp_path: Path, begun: str, kept: str) -> None:
     text = (Path(__file__).parents[2] / "conf/study/smoke.yaml").read_text()
     (tmp_path / "study").mkdir()
-    (tmp_path / "study/longer.yaml").write_text(text.replace("episodes: 60", "episodes: 3000"))
+    (tmp_path / "study/longer.yaml").write_text(text.replace("episodes: 60", "episodes: 60000"))
     run = study(tmp_path, "workers=2", "--config-dir", ".", name="longer")
-    while not list((tmp_path / "outputs").rglob("evaluations/part-*")):
-        time.sleep(0.005)
-        assert run.poll() is None
-    run.send_signal(signal.SIGINT)
-    _, err = run.communicate(timeout=60)
-    assert run.returncode == 130
-    assert "Traceback" not in err
-    assert "this goes on from there: navbench study longer workers=2 --config-dir ." in err
+    try:
+        while not list((tmp_path / "outputs").rglob(begun)):
+            time.sleep(0.005)
+            assert run.poll() is None
+        run.send_signal(signal.SIGINT)
+        _, err = run.communicate(timeout=60)
+    finally:
+        run.kill()  # or it would run for minutes
+    assert run.returncode == 130, err
+    assert re.search(rf"^navbench: interrupted{kept} kept in outputs/study/longer, ", err), err
+    assert err.endswith("and this goes on from there: navbench study longer workers=2 --config-dir .\n")
 
 
 def test_finished_parts_are_not_run_again_and_others_are_removed_only_where_that_is_asked_for(tmp_path: Path) -> None:
