@@ -175,10 +175,10 @@ def collisions(run: RobotRun) -> int:
     unit="m",
     better="more",
     definition="the least distance from the hull to anything, computed from the shapes at the end of each substep, "
-    "not by the physics engine; below 0, how deep a mover drove into a blocked robot",
+    "not by the physics engine; below 0, how deep a mover drove into a blocked robot; no number where nothing is there",
 )
 def min_clearance_m(run: RobotRun) -> float:
-    return run.min_clearance_m
+    return run.min_clearance_m if run.min_clearance_m < math.inf else math.nan
 
 
 @metric(

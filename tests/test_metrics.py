@@ -135,6 +135,10 @@ def test_the_least_clearance_is_that_of_the_nearest_instant() -> None:
     assert metrics["min_clearance_m"] == pytest.approx(1.05)
 
 
+def test_where_nothing_is_there_is_no_least_clearance() -> None:
+    assert math.isnan(measured([(1.0, 0.0)] * 10, 0.1)["min_clearance_m"])
+
+
 def test_the_start_counts_for_the_least_clearance() -> None:
     assert measured([(-1.0, 0.0)] * 10, 0.1, walls=(WALL,))["min_clearance_m"] == pytest.approx(4.05)
 

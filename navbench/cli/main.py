@@ -1,6 +1,7 @@
 """The command line: picks the verb, runs it, prints, and turns what is wrong into one line and exit code 2."""
 
 import gc
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from navbench import __version__
-from navbench.cli.progress import complain
+from navbench.cli.progress import UNFINISHED, complain
 from navbench.output import shielded
 
 HELP = """navbench: compare reactive navigation controllers of wheeled robots in simulated worlds
@@ -68,6 +69,7 @@ MEANT = {  # words of other tools
     **dict.fromkeys(("init", "create", "make"), "new"),
     **{"test": "check", "validate": "check", "ls": "list", "info": "doctor", "compare": "report"},
 }
+ADDRESS_SPACE_GB = 1.0  # what OpenBLAS, Arrow and LLVM reserve: with 0.9 they hang or break, with 1.1 all runs
 VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show", "replay", "new", "check", "doctor")
 
 
@@ -132,6 +134,10 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
         os.getcwd()
     except FileNotFoundError:
         return complain("the working directory: it is not there any more")
+    if (limit := _address_space_gb()) < ADDRESS_SPACE_GB:
+        return complain(
+            f"ulimit -v: this process may have {limit:.2g} GB of address space; its libraries need {ADDRESS_SPACE_GB}"
+        )
     try:
         module = import_module(f"navbench.cli.{verb}")
         if {"-h", "--help"} & {*arguments}:
@@ -140,7 +146,20 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
         code: int = getattr(module, verb)(arguments)
     except (*CONFIGURATION_ERRORS, ValueError) as error:
         return complain(one_line(error))
+    except MemoryError as error:
+        complain(f"out of memory: {one_line(error)}")
+        return UNFINISHED
     return code
+
+
+def _address_space_gb() -> float:
+    """Return how much address space this process may have [GB]; what memory it may have is another matter."""
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:  # on Windows
+        return math.inf
+    limit = getrlimit(RLIMIT_AS)[0]
+    return math.inf if limit == RLIM_INFINITY else limit / 1e9
 
 
 def _list(arguments: list[str]) -> int:

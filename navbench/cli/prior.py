@@ -14,8 +14,9 @@ from navbench.cli.references import COLUMNS, SELECTIONS
 from navbench.cli.study_configuration import compose_study
 from navbench.experiments.cells import Cell, digest
 from navbench.experiments.code import code_of, roots_of
+from navbench.experiments.parts import tuning_name
 from navbench.experiments.running import best_of
-from navbench.experiments.store import Results, ResultsError, tuning_name
+from navbench.experiments.store import Results, ResultsError
 from navbench.experiments.tunings import Tuning
 from navbench.validation import DescriptionError, instead
 

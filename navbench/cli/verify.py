@@ -58,12 +58,17 @@ def verify(arguments: Sequence[str]) -> int:
 
 def _verify_samples(samples: "Samples") -> int:
     """Print what is wrong with a multiverse's reconstructions, and return the exit code."""
+    from navbench.experiments.samples import PUBLISHED
+
     faults = samples.faults()
     for file, fault in faults.items():
         print(printable(f"{samples.path}: {file}: {fault}"))
-    if not faults:
-        print(printable(f"{samples.path}: all well: {samples.count()} reconstructions"))
-    return UNFINISHED if faults else 0
+    if faults:
+        return UNFINISHED
+    count = samples.count()
+    said = f"all well: {count} reconstructions" if count else f"{PUBLISHED}: missing, and there is no block either"
+    print(printable(f"{samples.path}: {said}"))
+    return 0 if count else UNFINISHED
 
 
 def problems_of(results: "Results") -> Iterator[str]:
@@ -92,7 +97,7 @@ def problems_of(results: "Results") -> Iterator[str]:
 
 def _episodes(results: "Results", manifest: Mapping[str, Any], sound: Sequence[str]) -> Iterator[str]:
     """Yield which episodes are missing of each cell, which are not planned, and what is missing beside them."""
-    from navbench.experiments.store import episodes_of
+    from navbench.experiments.parts import episodes_of
 
     planned: dict[str, set[range]] = {}
     told = {}

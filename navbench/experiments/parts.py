@@ -1,13 +1,16 @@
 """A part: one Parquet file of a results directory, which says what made it and bears a seal over all its bytes."""
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from navbench.experiments.files import OPEN, is_whole, keep, sealed
+from navbench.experiments.schema import EPISODES_MAX
 from navbench.reading import bounded
+from navbench.records import CellKey, TuningKey
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ NOTE = "navbench."  # before each of these in the file
 DAMAGED = "damaged"
 UNSEALED = "no checksum"
 LONGEST = 2**32  # bytes of a part, and numbers in it
+PART = re.compile(r"part-(.+)-(\d{1,9})-(\d{1,9})\.parquet")
 
 WORDS: Mapping[str, tuple[str, ...]] = {  # the columns of words, of whole numbers and of numbers that each kind has
     "episodes": ("run_id", "controller", "world", "robot", "sensors", "simulator", "outcome", "reason", "layout_id"),
@@ -65,13 +69,19 @@ def write(folder: Path, name: str, table: "pa.Table", notes: Mapping[str, str], 
     keep(folder / name, sealed(name, sink.getvalue()))
 
 
-def read(folder: Path, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
+def read(folder: Path, name: str, columns: Sequence[str] | None = None, seals: bool = False) -> "pa.Table":
     """Return a part's columns, read alone: as one of a data set it would take three times as long.
+
+    Args:
+        folder: the results directory.
+        name: the part's kind and name.
+        columns: which; all without.
+        seals: whether every part of this directory bears a seal, so that one without is damaged.
 
     Raises:
         DescriptionError: it is damaged, or no part of its kind.
     """
-    opened = _opened(folder, name, checked=True)
+    opened = _opened(folder, name, (False, None) if seals else (False,))
     if opened.metadata.num_rows * opened.metadata.num_columns > LONGEST:
         raise DescriptionError(f"{folder / name}: holds more than {LONGEST} numbers")
     _check_columns(folder, name, opened.schema_arrow)
@@ -111,12 +121,12 @@ def fault_of(folder: Path, name: str, seals: bool) -> str:
     return "" if whole else DAMAGED
 
 
-def _opened(folder: Path, name: str, checked: bool = False) -> "pq.ParquetFile":
+def _opened(folder: Path, name: str, refused: tuple[bool | None, ...] = ()) -> "pq.ParquetFile":
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     data = bounded(folder / name, LONGEST)
-    if checked and is_whole(name, data) is False:
+    if refused and is_whole(name, data) in refused:
         raise _damaged(folder, name)
     try:
         return pq.ParquetFile(pa.BufferReader(data))
@@ -140,3 +150,25 @@ def _check_columns(folder: Path, name: str, schema: "pa.Schema") -> None:
         for column in names.get(kind, ()):
             if schema.get_field_index(column) < 0 or not fits(schema.field(column).type):
                 raise DescriptionError(f"{folder / name}: must have a column {column} of {what}")
+
+
+def batch_name(cell: CellKey, episodes: range) -> str:
+    """Return the name of a batch's parts: it depends on the work alone."""
+    return f"part-{cell.run_id}-{episodes[0]:06d}-{episodes[-1]:06d}.parquet"
+
+
+def episodes_of(name: str) -> tuple[str, range]:
+    """Return the run and the episodes of a part by its name; no episodes where it is not named so."""
+    found = PART.fullmatch(name)
+    episodes = range(int(found[2]), int(found[3]) + 1) if found else range(0)
+    return (found[1], episodes) if found and len(episodes) <= EPISODES_MAX else (name, range(0))
+
+
+def tuning_name(tuning: TuningKey) -> str:
+    """Return the name of a tuning's part: it depends on the work alone."""
+    return f"part-{tuning.tuning_id}.parquet"
+
+
+def unfinished_name(tuning: TuningKey) -> str:
+    """Return the name under which a tuning that goes on keeps what it has evaluated."""
+    return f"unfinished-{tuning.tuning_id}.parquet"

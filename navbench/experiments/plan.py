@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from navbench.experiments.cells import Batch, Cell, batches_of
-from navbench.experiments.store import batch_name
+from navbench.experiments.parts import batch_name
 from navbench.experiments.tunings import Tuning
 from navbench.records import CellKey
 

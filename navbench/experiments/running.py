@@ -14,9 +14,9 @@ from navbench.experiments.code import code_of, commit, roots_of
 from navbench.experiments.engines import LOCAL, Engine, Work, in_processes, run
 from navbench.experiments.evaluations import Evaluation
 from navbench.experiments.files import discard_empty, existing, locked
-from navbench.experiments.parts import DAMAGED
+from navbench.experiments.parts import DAMAGED, batch_name, episodes_of, tuning_name, unfinished_name
 from navbench.experiments.plan import Plan, Planned, around, batches_of_all
-from navbench.experiments.store import OTHERWISE, Results, batch_name, episodes_of, tuning_name, unfinished_name
+from navbench.experiments.store import OTHERWISE, Results
 from navbench.experiments.tunings import Tuning, TuningRecord, checks_of, run_tuning
 from navbench.experiments.workers import Death, MachineError
 from navbench.records import CellKey, TuningKey

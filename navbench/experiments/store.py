@@ -6,7 +6,6 @@ that was finished, and the same work writes the same bytes.
 
 import hashlib
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from glob import escape
@@ -16,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import navbench.experiments.parts as parts
 from navbench.experiments.files import OPEN, TEMPORARY, discard_empty, is_whole, keep, replacing, sealed
 from navbench.experiments.manifest import is_other_work, manifest_of, now
-from navbench.experiments.parts import BESIDE, CODE, KINDS, RECORD, TUNING
+from navbench.experiments.parts import BESIDE, CODE, KINDS, RECORD, TUNING, batch_name, episodes_of, tuning_name
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
-from navbench.experiments.schema import EPISODES_MAX, LONGEST, read_manifest
+from navbench.experiments.schema import LONGEST, read_manifest
 from navbench.experiments.schema import ResultsError as ResultsError
 from navbench.reading import bounded
 from navbench.records import CellKey, RobotRecord, TuningKey
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.json"
 OTHERWISE = "choose another directory, or --overwrite removes them"
-PART = re.compile(r"part-(.+)-(\d{1,9})-(\d{1,9})\.parquet")
 
 
 class Results:
@@ -255,7 +253,7 @@ class Results:
         count = len(columns["evaluation"])
         names = {"tuning_id": tuning.tuning_id, "name": tuning.name, "tuner": tuning.tuner, "seed": tuning.seed}
         table = pa.table({**{key: [value] * count for key, value in names.items()}, **columns})
-        unfinished = f"evaluations/{unfinished_name(tuning)}"
+        unfinished = f"evaluations/{parts.unfinished_name(tuning)}"
         self._write_table(f"evaluations/{tuning_name(tuning)}" if whole else unfinished, table, code)
         if whole:
             (self.path / unfinished).unlink(missing_ok=True)
@@ -308,7 +306,7 @@ class Results:
 
     def layouts(self) -> dict[str, str]:
         """Return the layouts that were driven: each one's JSON by its id."""
-        tables = [parts.read(self.path, f"layouts/{name}") for name in self.parts("layouts")]
+        tables = [self._part(f"layouts/{name}") for name in self.parts("layouts")]
         return {row["layout_id"]: row["layout"] for table in tables for row in table.to_pylist()}
 
     def latency(self) -> "pd.DataFrame":
@@ -329,14 +327,14 @@ class Results:
 
     def evaluations_of(self, tuning: TuningKey, *, whole: bool = True) -> "pd.DataFrame":
         """Return what one tuning evaluated, in order; or where it is not ``whole``, as far as it came."""
-        name = tuning_name(tuning) if whole else unfinished_name(tuning)
-        evaluations: pd.DataFrame = parts.read(self.path, f"evaluations/{name}").to_pandas()
+        name = tuning_name(tuning) if whole else parts.unfinished_name(tuning)
+        evaluations: pd.DataFrame = self._part(f"evaluations/{name}").to_pandas()
         return evaluations
 
     def descriptions(self) -> "dict[str, pd.DataFrame]":
         """Return the tables that controllers offered of themselves, by name."""
         files = sorted((self.path / "descriptions").glob("*.parquet"))
-        return {file.stem: parts.read(self.path, f"descriptions/{file.name}").to_pandas() for file in files}
+        return {file.stem: self._part(f"descriptions/{file.name}").to_pandas() for file in files}
 
     def _read(self, kind: str, order: list[str], of: str = "", columns: Sequence[str] = ()) -> "pd.DataFrame":
         files = [self.path / kind / name for name in self.parts(kind, f"part-{escape(of)}")]
@@ -345,7 +343,16 @@ class Results:
         if not files:
             raise ResultsError(f"{self.path}: no results here: {kind}/ holds no part" + (f" of {of}" if of else ""))
         read = _frame_of if kind == "episodes" else _frame_of.__wrapped__
-        return read(tuple((file, file.stat().st_mtime_ns) for file in files), tuple(order), tuple(columns))
+        changed = tuple((file, file.stat().st_mtime_ns) for file in files)
+        return read(changed, tuple(order), tuple(columns), self._are_sealed())
+
+    def _part(self, name: str) -> "pa.Table":
+        return parts.read(self.path, name, seals=self._are_sealed())
+
+    def _are_sealed(self) -> bool:
+        """Return whether all parts bear seals; those of an older navbench do not."""
+        file = self.path / MANIFEST
+        return file.is_file() and _seals(file, file.stat().st_mtime_ns)
 
     def _write_table(self, name: str, table: "pa.Table", code: str = "", **notes: str) -> None:
         parts.write(self.path, name, table, {CODE: code, **notes})
@@ -361,37 +368,22 @@ class Results:
 
 
 @lru_cache(maxsize=4)
-def _frame_of(files: tuple[tuple[Path, int], ...], order: tuple[str, ...], more: tuple[str, ...]) -> "pd.DataFrame":
+def _seals(file: Path, _: int) -> bool:
+    return bool(read_manifest(file).get("checksums", False))
+
+
+@lru_cache(maxsize=4)
+def _frame_of(
+    files: tuple[tuple[Path, int], ...], order: tuple[str, ...], more: tuple[str, ...], seals: bool
+) -> "pd.DataFrame":
     """Return some parts, each with the time of its last change, as one sorted table."""
     import pyarrow as pa
 
     columns = [*order, *more] if more else None
-    tables = [parts.read(file.parents[1], f"{file.parent.name}/{file.name}", columns) for file, _ in files]
+    tables = [parts.read(file.parents[1], f"{file.parent.name}/{file.name}", columns, seals) for file, _ in files]
     table = pa.concat_tables(tables, promote_options="permissive").combine_chunks()
     frame: pd.DataFrame = table.to_pandas()
     return frame.sort_values(list(order), kind="stable", ignore_index=True)
-
-
-def batch_name(cell: CellKey, episodes: range) -> str:
-    """Return the name of a batch's parts: it depends on the work alone."""
-    return f"part-{cell.run_id}-{episodes[0]:06d}-{episodes[-1]:06d}.parquet"
-
-
-def episodes_of(name: str) -> tuple[str, range]:
-    """Return the run and the episodes of a part by its name; no episodes where it is not named so."""
-    found = PART.fullmatch(name)
-    episodes = range(int(found[2]), int(found[3]) + 1) if found else range(0)
-    return (found[1], episodes) if found and len(episodes) <= EPISODES_MAX else (name, range(0))
-
-
-def tuning_name(tuning: TuningKey) -> str:
-    """Return the name of a tuning's part: it depends on the work alone."""
-    return f"part-{tuning.tuning_id}.parquet"
-
-
-def unfinished_name(tuning: TuningKey) -> str:
-    """Return the name under which a tuning that goes on keeps what it has evaluated."""
-    return f"unfinished-{tuning.tuning_id}.parquet"
 
 
 def write_table(file: Path, text: str) -> None:

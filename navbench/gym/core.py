@@ -94,11 +94,11 @@ def numbers(key: str, given: object, shape: tuple[int, ...], counted: BoolArray 
     return np.asarray(found, np.float64)
 
 
-def whole(key: str, given: object, least: int = 0) -> int:
-    """Return a whole number that a program gives; raises ``DescriptionError`` where it is none, or too small."""
+def whole(key: str, given: object, least: int = 0, most: int = SEED_MAX) -> int:
+    """Return a whole number that a program gives; raises ``DescriptionError`` where it is none, or out of bounds."""
     number = int(given) if isinstance(given, Integral) and not isinstance(given, bool) else -1
-    if not least <= number <= SEED_MAX:
-        raise DescriptionError(f"{key}={given!r:.80}: must be a whole number from {least} to {SEED_MAX}")
+    if not least <= number <= most:
+        raise DescriptionError(f"{key}={given!r:.80}: must be a whole number from {least} to {most}")
     return number
 
 

@@ -15,6 +15,7 @@ from navbench.gym.reward import Reward, progress
 from navbench.validation import DescriptionError
 
 Infos = dict[str, Any]
+ENVS_MAX, THREADS_MAX = 2**16, 2**10  # more are a slip, and would fill the memory
 
 
 class NavigationEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
@@ -121,7 +122,7 @@ class NavigationVectorEnv(VectorEnv[Observed, NDArray[np.float32], NDArray[Any]]
         observation: Form = "flat",
         **choices: Any,
     ) -> None:
-        num_envs, threads = whole("num_envs", num_envs, 1), whole("threads", threads, 1)
+        num_envs, threads = whole("num_envs", num_envs, 1, ENVS_MAX), whole("threads", threads, 1, THREADS_MAX)
         layouts = None if layouts is None else whole("layouts", layouts, 1)
         cell = cell_of_words(words, choices, config_dir)
         options = {"places": num_envs, "threads": threads, "layouts": layouts, "keeps": metrics}

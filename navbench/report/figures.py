@@ -225,6 +225,7 @@ def draw_cell(
     if world is not None:
         draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
+    trajectories = trajectories[trajectories["episode"].isin(episodes["episode"])]  # others may have ended meanwhile
     sample = _draw_paths(ax, trajectories, outcomes, robot.radius_m)
     for start in () if world is None else world.starts:
         draw_circle(ax, start.x_m, start.y_m, robot.radius_m)

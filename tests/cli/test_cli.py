@@ -716,6 +716,24 @@ def test_ctrl_c_ends_a_run_quickly_and_keeps_what_was_finished(tmp_path: Path) -
     assert not [name for name in files_in(tmp_path) if name.endswith(".tmp")]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of other systems differ")
+def test_too_little_address_space_is_told_in_one_line_before_libraries_break_of_it(tmp_path: Path) -> None:
+    words = ["bash", "-c", f"ulimit -v 700000; exec {NAVBENCH} controller=sflc world=deadlock"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
+    said = "navbench: ulimit -v: this process may have 0.72 GB of address space; its libraries need 1.0\n"
+    assert (done.returncode, done.stderr) == (2, said)
+    assert files_in(tmp_path) == set()
+
+
+def test_memory_that_runs_out_is_told_in_one_line(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: object) -> None:
+        raise MemoryError("cannot take 9 GB")
+
+    monkeypatch.setattr("navbench.cli.report.report", full)
+    done = command("report", "here")
+    assert (done.code, done.err) == (3, "navbench: out of memory: cannot take 9 GB\n")
+
+
 @pytest.mark.parametrize("redirection", ["| true", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_an_output_that_nobody_reads_is_no_error(tmp_path: Path, redirection: str) -> None:
     line = f"set -o pipefail; {NAVBENCH} controller=sflc world=corner hydra.run.dir=here {redirection}"

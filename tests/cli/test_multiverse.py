@@ -130,6 +130,10 @@ def test_another_prior_stands_beside_the_study_s_own(command: Command, there: Pa
     published = results / "reconstructions.parquet"
     published.write_bytes(published.read_bytes()[:-1] + b"\0")
     assert command("verify", places[0]).out == f"{places[0]}: reconstructions.parquet: damaged\n"
+    published.unlink()
+    done = command("verify", places[0])
+    said = f"{places[0]}: reconstructions.parquet: missing, and there is no block either\n"
+    assert (done.code, done.out) == (3, said)
 
 
 def test_what_a_cell_sets_itself_stays_and_what_it_does_not_moves(folder: Path) -> None:

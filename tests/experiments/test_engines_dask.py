@@ -1,5 +1,6 @@
 """Dask does as this machine's cores do."""
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,16 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(
     assert (done.code, done.out) == (2, "")
     assert done.err == "navbench: engine.address=tcp://127.0.0.1:1: no dask scheduler answers there\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_somebody_who_takes_a_connection_and_says_nothing_is_no_scheduler(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navbench.experiments.clusters.dask.REACHED_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        done = command("controller=sflc", "engine=dask", f"engine.address={address}", "hydra.run.dir=here")
+    assert (done.code, done.err) == (2, f"navbench: engine.address={address}: no dask scheduler answers there\n")
 
 
 def test_a_cluster_that_cannot_be_started_is_told_in_one_line(

@@ -1,5 +1,6 @@
 """Ray does as this machine's cores do."""
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,13 @@ def test_an_address_at_which_nobody_listens_is_told_in_one_line(command: Command
     assert (done.code, done.out) == (2, "")
     assert done.err == "navbench: engine.address=127.0.0.1:1: no ray cluster answers there\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_somebody_who_takes_a_connection_and_says_nothing_is_no_cluster(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navbench.experiments.clusters.ray.REACHED_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
+        done = command("controller=sflc", "engine=ray", f"engine.address={address}", "hydra.run.dir=here")
+    assert (done.code, done.err) == (2, f"navbench: engine.address={address}: no ray cluster answers there\n")

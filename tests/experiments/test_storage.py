@@ -134,6 +134,16 @@ def test_a_part_that_is_a_link_to_nothing_is_named_and_made_anew(
     assert parts_of(tmp_path) == before
 
 
+@pytest.mark.parametrize("kind", ["episodes", "trajectories", "layouts", "latency"])
+def test_a_part_that_lost_its_seal_is_not_read_where_every_part_has_one(tmp_path: Path, kind: str) -> None:
+    results = run_plan(plan_of(12), tmp_path, 1).results
+    file = sorted((tmp_path / kind).iterdir())[0]
+    pq.write_table(pq.read_table(file).replace_schema_metadata({}), file, compression="zstd")
+    with pytest.raises(DescriptionError, match=f"{file}: damaged; the command that made it makes it anew"):
+        getattr(results, kind)()
+    assert results.faults() == {f"{kind}/{file.name}": "damaged"}
+
+
 @pytest.mark.parametrize("kind", ["trajectories", "latency", "layouts"])
 def test_a_part_that_is_missing_beside_its_episodes_is_made_anew(tmp_path: Path, kind: str) -> None:
     run_plan(plan_of(12), tmp_path, 1)

@@ -202,6 +202,12 @@ def test_a_count_that_is_none_is_one_line(key: str, count: Any) -> None:
     assert navbench.gym.make_vec(world="empty", num_envs=np.int64(2)).num_envs == 2  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("key", "most"), [("num_envs", 65536), ("threads", 1024)])
+def test_more_than_memory_holds_is_one_line(key: str, most: int) -> None:
+    with pytest.raises(DescriptionError, match=f"{key}=1000000000: must be a whole number from 1 to {most}$"):
+        navbench.gym.make_vec(world="empty", **{key: 10**9})
+
+
 class NoArray:
     def __array__(self, *_: Any, **__: Any) -> None:
         raise TypeError("lies on another device")

@@ -5,6 +5,7 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 from stored import a_cell, a_record, store
 
@@ -42,6 +43,15 @@ def test_an_empty_place_moves_no_panel(tmp_path: Path) -> None:
     every = draw_cells([panel] * 5).axes
     (last,) = draw_cells([None, None, None, None, panel]).axes
     assert last.get_position().bounds == every[4].get_position().bounds
+
+
+def test_an_episode_that_ended_after_the_table_was_read_is_left_out(tmp_path: Path) -> None:
+    stored = store(tmp_path / "kept", [(a_cell("A"), [a_record(), a_record("collided")])])
+    episodes = stored.episodes
+    panel = panel_of(stored, stored.cells["run_id"][0], episodes[episodes["episode"] == 0])
+    (ax,) = draw_cells([panel]).axes
+    (paths,) = (one for one in ax.collections if isinstance(one, LineCollection))
+    assert len(paths.get_segments()) == 1
 
 
 def test_panels_that_differ_in_their_seed_alone_name_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Dask: a cluster whose scheduler listens at an address, or one of this machine's processes."""
 
+import asyncio
 import os
 import signal
 import time
@@ -20,6 +21,7 @@ from navbench.validation import STRICT, DescriptionError, NotInstalledError
 try:
     from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
     from distributed.client import FutureCancelledError
+    from distributed.core import connect
 except ModuleNotFoundError as error:
     raise NotInstalledError("engine=dask", error, "dask") from None
 
@@ -126,9 +128,16 @@ def _client(address: str | None, workers: int | None) -> Client:
             raise MachineError(Death(f"dask cannot be started: {one_line(error)}", by_machine=True)) from None
     said = "no dask scheduler answers there"
     try:
+        asyncio.run(asyncio.wait_for(_greet(address), REACHED_S))  # a client would wait for good for who says nothing
         client = Client(address, timeout=REACHED_S)
         said = "the dask scheduler there has no worker"
         client.wait_for_workers(1, timeout=REACHED_S)
     except (OSError, ValueError):  # nobody listens, or that is no address
         raise DescriptionError(f"engine.address={address}: {said}") from None
     return client
+
+
+async def _greet(address: str) -> None:
+    """Connect to a scheduler, and take leave."""
+    comm = await connect(address, timeout=REACHED_S)
+    await comm.close()

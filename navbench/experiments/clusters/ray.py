@@ -98,7 +98,7 @@ def _connect(address: str | None, workers: int | None) -> None:
 
 
 def _check_heard(address: str) -> None:
-    """Check that somebody listens at an address: where nobody does, ray tries for a quarter of an hour.
+    """Check that somebody listens at an address, and greets as gRPC does: else ray tries for a quarter of an hour.
 
     Raises:
         DescriptionError: nobody does, or that is no address.
@@ -107,6 +107,8 @@ def _check_heard(address: str) -> None:
         where = os.environ.get("RAY_ADDRESS", "") if address == "auto" else address  # as ray itself does
         place = urlsplit(where if "://" in where else f"//{where}")
         if place.hostname and place.port:  # else ray says what is wrong
-            socket.create_connection((place.hostname, place.port), REACHED_S).close()
+            with socket.create_connection((place.hostname, place.port), REACHED_S) as heard:
+                if "RAY_USE_TLS" not in os.environ and not heard.recv(1):  # else it waits for us to begin
+                    raise ConnectionError
     except (OSError, ValueError):
         raise DescriptionError(f"engine.address={address}: no ray cluster answers there") from None
