@@ -135,6 +135,17 @@ def test_the_least_clearance_is_that_of_the_nearest_instant() -> None:
     assert metrics["min_clearance_m"] == pytest.approx(1.05)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.4, 0.5, 0.6, 0.8])
+def test_a_least_clearance_is_off_by_no_more_than_the_documentation_says(share: float) -> None:
+    post = Disc(x_m=5.0 + 0.25 * share, y_m=1.6, radius_m=0.5)  # which the robot of radius 1 passes at 0.1
+    passing = measured([(1.0, 0.0)] * 40, 0.25, discs=(post,))["min_clearance_m"]
+    assert 0.1 - 1e-9 <= passing <= 0.1 + 0.03
+    nearest = 0.3 - 0.25 * share  # of a mover that turns back there
+    mover = to_and_fro((10.0, 0.0), (1.5 + nearest, 0.0), speeds=[1.0, 1.0], radius_m=0.5, cyclic=True)
+    turning = measured([(0.0, 0.0)] * 80, 0.25, movers=(mover,))["min_clearance_m"]
+    assert nearest - 1e-9 <= turning <= nearest + 0.125 + 1e-9
+
+
 def test_where_nothing_is_there_is_no_least_clearance() -> None:
     assert math.isnan(measured([(1.0, 0.0)] * 10, 0.1)["min_clearance_m"])
 
