@@ -134,10 +134,8 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
         os.getcwd()
     except FileNotFoundError:
         return complain("the working directory: it is not there any more")
-    if (limit := _address_space_gb()) < ADDRESS_SPACE_GB:
-        return complain(
-            f"ulimit -v: this process may have {limit:.2g} GB of address space; its libraries need {ADDRESS_SPACE_GB}"
-        )
+    if (may_have := _address_space_gb()) < ADDRESS_SPACE_GB:
+        return complain(f"ulimit -v: {may_have:.2g} GB of address space; the libraries need {ADDRESS_SPACE_GB:g} GB")
     try:
         module = import_module(f"navbench.cli.{verb}")
         if {"-h", "--help"} & {*arguments}:

@@ -21,7 +21,7 @@ from navbench.validation import STRICT, DescriptionError, NotInstalledError
 try:
     from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
     from distributed.client import FutureCancelledError
-    from distributed.core import connect
+    from distributed.comm.core import connect
 except ModuleNotFoundError as error:
     raise NotInstalledError("engine=dask", error, "dask") from None
 
