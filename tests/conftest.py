@@ -26,8 +26,10 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Captu
             sys.modules.pop(name, None)
         told = ["workers=0"] if _starts_workers(words) else []
         monkeypatch.setattr(sys, "argv", ["navbench", *words[:1], *told, *words[1:]])
+        heeded = signal.getsignal(signal.SIGINT)
         with pytest.raises(SystemExit) as end:
             cli.main()
+        signal.signal(signal.SIGINT, heeded)  # which a command that has ended ignores
         out, err = capfd.readouterr()
         return Done(int(end.value.code or 0), out, err)
 

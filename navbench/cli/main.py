@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from navbench import __version__
+from navbench.cli.interrupts import Interrupts, is_of_interrupt
 from navbench.cli.progress import UNFINISHED, complain
 from navbench.output import shielded
 
@@ -69,7 +70,7 @@ MEANT = {  # words of other tools
     **dict.fromkeys(("init", "create", "make"), "new"),
     **{"test": "check", "validate": "check", "ls": "list", "info": "doctor", "compare": "report"},
 }
-ADDRESS_SPACE_GB = 1.0  # what OpenBLAS, Arrow and LLVM reserve: with 0.9 they hang or break, with 1.1 all runs
+ADDRESS_SPACE_GB = 1.5  # what OpenBLAS, Arrow and LLVM reserve: of less they hang or break, with 1.1 now and then
 VERBS = ("list", "tune", "study", "multiverse", "report", "verify", "show", "replay", "new", "check", "doctor")
 
 
@@ -82,11 +83,14 @@ def main() -> None:
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # by workers, too
     printed = shielded("stdout", 1)
     shielded("stderr", 2)
-    try:
-        code = _command(sys.argv[1:])
-    except KeyboardInterrupt:
-        complain("interrupted")
-        code = 130
+    with Interrupts():
+        try:
+            code = _command(sys.argv[1:])
+        except BaseException as error:
+            if not is_of_interrupt(error):
+                raise
+            complain("interrupted")
+            code = 130
     print(end="", flush=True)
     if printed.error and not isinstance(printed.error, BrokenPipeError):  # whose reader, such as head, has seen enough
         code = code or complain(f"the output: {printed.error.strerror}")
@@ -143,6 +147,8 @@ def _verb(verb: str, arguments: Sequence[str]) -> int:
             return 0
         code: int = getattr(module, verb)(arguments)
     except (*CONFIGURATION_ERRORS, ValueError) as error:
+        if is_of_interrupt(error):
+            raise
         return complain(one_line(error))
     except MemoryError as error:
         complain(f"out of memory: {one_line(error)}")

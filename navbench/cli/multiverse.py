@@ -84,7 +84,10 @@ def multiverse(arguments: Sequence[str]) -> int:
             raise
         interrupted, again = isinstance(error, KeyboardInterrupt), shlex.join(["navbench", "multiverse", *arguments])
         said = "interrupted" if interrupted else f"{one_line(error)}:"
-        complain(f"{said} after {done} of {total} reconstructions; they are kept in {samples.path}: {again}")
+        complain(
+            f"{said} after {done} of {total} reconstructions; they are kept in {samples.path}, and this goes on from "
+            f"there: {again}"
+        )
         return INTERRUPTED if interrupted else UNFINISHED
     tell(f"report: {files[0]} ({len(files)} files)")
     return 0

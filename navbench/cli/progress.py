@@ -1,11 +1,9 @@
 """What is said on stderr: what is wrong in one line; what is under way as a bar, or now and then a line for a log."""
 
-import signal
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any, NamedTuple
 
 EVERY_S = 10.0  # between two lines of a log
@@ -43,45 +41,16 @@ class Step(NamedTuple):
 
 
 class Progress:
-    """Remembers how far a plan is, and whether it was interrupted; subclasses show it."""
+    """Remembers how far a plan is; subclasses show it."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self.last: Step | None = None
-        self._interrupted = False
 
     def __call__(self, what: str, done: int, of: int) -> None:
-        """Take note of how far it is.
-
-        Raises:
-            KeyboardInterrupt: Ctrl-C was pressed, but its exception got lost, as it does in a callback of a weak
-                reference, of which each import has one.
-        """
+        """Take note of how far it is."""
         self.last = Step(what, done, of)
         self.show(self.last)
-        if self._interrupted:
-            raise KeyboardInterrupt
-
-    @contextmanager
-    def heeding(self) -> Iterator[None]:
-        """Remember Ctrl-C meanwhile."""
-
-        def interrupt(number: int, frame: FrameType | None) -> None:
-            self._interrupted = True
-            signal.default_int_handler(number, frame)
-
-        if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:  # ignored, or a host's own
-            yield
-            return
-        try:
-            signal.signal(signal.SIGINT, interrupt)
-        except ValueError:  # not in the main thread, which alone may
-            yield
-            return
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def show(self, step: Step) -> None:
         """Show it."""
@@ -122,13 +91,7 @@ class _Bar(Progress):
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Give what shows the progress of a plan, and heeds Ctrl-C."""
-    with _shown() as told, told.heeding():
-        yield told
-
-
-@contextmanager
-def _shown() -> Iterator[Progress]:
+    """Give what shows the progress of a plan."""
     if not sys.stderr.isatty():
         yield _Log()
         return

@@ -62,6 +62,10 @@ def report(arguments: Sequence[str]) -> int:
         raise DescriptionError(f"{' '.join(words.names)}: cannot be reported: {one_line(error)}") from None
     code = print_written(written)
     for run in runs:
+        whole = run.manifest_is_whole()
+        if whole is False or whole is None and run.manifest().get("checksums"):
+            complain(f"{run.path}: manifest.json: changed since it was written; `navbench verify` says more")
+            code = UNFINISHED
         if wanting := StoredResults(run).wanting:
             complain(f"{run.path}: {wanting}")
             code = UNFINISHED

@@ -69,7 +69,13 @@ class Objective:
         metrics = record.metrics
         if self.failed is not None and not reached:
             metrics = self.failed
-        cost = math.fsum(weight * metrics[name] for name, weight in self.weights.items() if weight > 0.0)
+        weighed = {name: weight * metrics[name] for name, weight in self.weights.items() if weight > 0.0}
+        if missing := [name for name, part in weighed.items() if math.isnan(part)]:
+            raise DescriptionError(
+                f"objective.weights.{missing[0]}: has no value in an episode, as a clearance where nothing stands; "
+                "weigh another metric"
+            )
+        cost = math.fsum(weighed.values())
         if self.danger is not None:
             cost += self.danger.cost_of(metrics["min_clearance_m"])
         if reached:

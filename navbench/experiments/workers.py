@@ -32,6 +32,7 @@ PLACE_MAX = 70  # bytes of a path, below which the name of a socket, of at most 
 GROUPS = hasattr(os, "setsid")
 WATCH_S = 0.5  # between two looks at a worker
 LOOKS = 20  # the last ones, which tell a step that waits from one that gets no core
+UNKNOWN = 255  # the exit code of a process whose own was to be told by what it was forked from, which is gone
 END_S = 5.0  # that a process may take to end that has been told to
 SAFE = "PYTHONSAFEPATH"
 MEMORY_SHARE = 0.8  # of the machine's memory is what one worker may take
@@ -80,6 +81,7 @@ class Worker:
         with _STARTING, _without_main():
             start_server()
             self._process.start()
+            self._server = _server_pid()
         theirs.close()
         says.close()
         self._pid = int(self._process.pid or 0)
@@ -145,6 +147,8 @@ class Worker:
         self.kill()  # what it left behind
         if self._killed:
             return self._killed
+        if code == UNKNOWN and self._server and _has_ended(self._server):
+            return Death("what its process was forked from was killed", by_machine=True)
         said = b""
         with suppress(OSError):
             while self._said.poll() and (more := os.read(self._said.fileno(), 65536)):
@@ -156,6 +160,28 @@ class Worker:
             starved = -code == CLOCK and sum(self._runs) > len(self._runs) / 2
             return Death(STARVED if starved else EXPIRED[-code], trace, starved)
         return Death(f"its process died of {signal.Signals(-code).name}", trace, code in FROM_OUTSIDE)
+
+
+def _server_pid() -> int:
+    """Return the process that workers are forked from; 0 without one."""
+    if not FORKS:
+        return 0
+    from multiprocessing import forkserver
+
+    return int(forkserver._forkserver._forkserver_pid or 0)  # type: ignore[attr-defined]
+
+
+def _has_ended(pid: int) -> bool:
+    """Return whether a process has ended, or does within a moment."""
+    from psutil import STATUS_DEAD, STATUS_ZOMBIE, NoSuchProcess, Process
+
+    with suppress(NoSuchProcess):
+        for _ in range(20):
+            if Process(pid).status() in (STATUS_DEAD, STATUS_ZOMBIE):
+                return True
+            time.sleep(0.01)
+        return False
+    return True
 
 
 def _context() -> Any:

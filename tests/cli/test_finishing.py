@@ -2,8 +2,6 @@
 
 import os
 import re
-import signal
-import weakref
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,6 @@ import pytest
 from commands import Command
 
 from navbench.cli import tables
-from navbench.cli.progress import progress
 from navbench.report import figures
 
 STUDY = """# A small study of one's own
@@ -192,33 +189,3 @@ def test_a_figure_that_cannot_be_written_leaves_nothing_half_written(
     with pytest.raises(OSError, match="No space"):
         figures.save_figure(figure, tmp_path, "one")
     assert not [file for file in tmp_path.rglob("*") if file.is_file()]
-
-
-# Ctrl-C
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_an_interrupt_that_gets_lost_in_a_callback_ends_the_work_all_the_same() -> None:
-    class Thing:
-        pass
-
-    before, thing = signal.getsignal(signal.SIGINT), Thing()
-    with progress() as told:
-        told("episodes", 1, 3)
-        watched = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
-        del thing  # where Python prints what is raised, and goes on
-        assert watched() is None
-        with pytest.raises(KeyboardInterrupt):
-            told("episodes", 2, 3)
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_an_interrupt_that_is_ignored_stays_so() -> None:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        with progress() as told:
-            signal.raise_signal(signal.SIGINT)
-            told("episodes", 1, 3)
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -187,6 +187,17 @@ def test_rows_that_the_manifest_does_not_know_are_left_out(theirs: Path, command
     assert command("report", "theirs", "out=out").code == 0
 
 
+@pytest.mark.parametrize("change", ["another", "without"])
+def test_a_manifest_that_was_changed_is_reported_as_that(theirs: Path, command: Command, change: str) -> None:
+    manifest = json.loads((theirs / "manifest.json").read_text())
+    if change == "without":
+        del manifest["seal"]
+    (theirs / "manifest.json").write_text(json.dumps(manifest))
+    done = command("report", "theirs", "out=out")
+    assert (done.code, done.err.count("\n")) == (3, 1)
+    assert done.err.startswith("navbench: theirs: manifest.json: changed since it was written")
+
+
 # What is imported
 
 

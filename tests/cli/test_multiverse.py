@@ -326,6 +326,7 @@ def test_what_the_machine_ends_is_kept_and_told_with_exit_3(
     done = command(*words)
     assert done.code == 3
     assert "No space left on device: after 0 of 128 reconstructions; they are kept in " in done.err
+    assert ", and this goes on from there: navbench multiverse " in done.err
 
 
 WRONG = [

@@ -17,7 +17,7 @@ from commands import workers_of
 from navbench.experiments import workers
 from navbench.experiments.crew import end_workers
 from navbench.experiments.engines import Work, in_processes, run
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import FORKS, Death
 from navbench.validation import DescriptionError
 
 KILLER = 13
@@ -93,6 +93,18 @@ def test_a_signal_from_outside_is_the_machines_fault_and_a_crash_is_not(number: 
     death = _end(_end_by, number)
     assert (death.reason, death.by_machine) == (f"its process died of {signal.Signals(number).name}", by_machine)
     assert ("in _end_by" in death.traceback) != by_machine
+
+
+def _killed_with_what_it_was_forked_from(_: None) -> None:
+    os.kill(os.getppid(), signal.SIGKILL)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.skipif(not FORKS, reason="workers are spawned here")
+def test_whose_death_nobody_is_left_to_tell_of_was_killed_by_the_machine() -> None:
+    reason = "what its process was forked from was killed"
+    assert _end(_killed_with_what_it_was_forked_from, None) == Death(reason, by_machine=True)
+    assert _end(os._exit, 255) == Death("its process ended with exit code 255")
 
 
 def test_a_process_that_is_stopped_is_the_machines_fault() -> None:

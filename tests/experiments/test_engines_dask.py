@@ -1,6 +1,7 @@
 """Dask does as this machine's cores do."""
 
 import socket
+import threading
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,23 @@ def test_somebody_who_takes_a_connection_and_says_nothing_is_no_scheduler(
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         done = command("controller=sflc", "engine=dask", f"engine.address={address}", "hydra.run.dir=here")
     assert (done.code, done.err) == (2, f"navbench: engine.address={address}: no dask scheduler answers there\n")
+
+
+def test_somebody_who_answers_in_another_language_is_no_scheduler(command: Command) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
+        answering = threading.Thread(target=lambda: listening.accept()[0].sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n"))
+        answering.start()
+        done = command("controller=sflc", "engine=dask", f"engine.address={address}", "hydra.run.dir=here")
+        answering.join()
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert done.err.startswith(f"navbench: engine.address={address}: no dask scheduler answers there: ")
+
+
+def test_an_encryption_that_is_not_set_up_is_told_in_one_line(command: Command) -> None:
+    done = command("controller=sflc", "engine=dask", "engine.address='tls://127.0.0.1:1'", "hydra.run.dir=here")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "engine.address=tls://127.0.0.1:1: no dask scheduler answers there: " in done.err
 
 
 def test_a_cluster_that_cannot_be_started_is_told_in_one_line(

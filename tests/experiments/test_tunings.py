@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from commands import Command
-from stored import metrics_of
+from stored import a_record, metrics_of
 
 from navbench.cli.study_configuration import compose_tuning
 from navbench.cli.tuned import source_keys, write_controller
@@ -549,6 +550,14 @@ def test_no_tuned_parameter_has_two_sources_and_what_was_not_tuned_keeps_its_own
 
 
 # ---- the objective of zhao2018
+
+
+def test_a_metric_that_has_no_value_is_named() -> None:
+    objective = file_of("weighted")
+    objective = replace(objective, weights={"min_clearance_m": 1.0})
+    record = a_record()._replace(metrics={**a_record().metrics, "min_clearance_m": math.nan})
+    with pytest.raises(DescriptionError, match=r"^objective\.weights\.min_clearance_m: has no value in an episode"):
+        objective.cost(record)
 
 
 def file_of(name: str) -> Objective:

@@ -134,6 +134,8 @@ def _client(address: str | None, workers: int | None) -> Client:
         client.wait_for_workers(1, timeout=REACHED_S)
     except (OSError, ValueError):  # nobody listens, or that is no address
         raise DescriptionError(f"engine.address={address}: {said}") from None
+    except Exception as error:  # of what somebody else answers, or of an encryption that is not set up
+        raise DescriptionError(f"engine.address={address}: {said}: {one_line(error)}") from None
     return client
 
 
