@@ -2,7 +2,7 @@
 
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -10,6 +10,14 @@ from commands import Command, Done
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as nohup and a script's & leave it, to all that the tests start
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def _heeded() -> Iterator[None]:
+    """Heeds Ctrl-C again, which a command that has ended in this process ignores."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture
@@ -26,10 +34,8 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Captu
             sys.modules.pop(name, None)
         told = ["workers=0"] if _starts_workers(words) else []
         monkeypatch.setattr(sys, "argv", ["navbench", *words[:1], *told, *words[1:]])
-        heeded = signal.getsignal(signal.SIGINT)
         with pytest.raises(SystemExit) as end:
             cli.main()
-        signal.signal(signal.SIGINT, heeded)  # which a command that has ended ignores
         out, err = capfd.readouterr()
         return Done(int(end.value.code or 0), out, err)
 

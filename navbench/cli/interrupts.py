@@ -18,7 +18,7 @@ class Interrupts:
     """Heeds Ctrl-C while the command runs; when it has ended, nothing is left to be interrupted."""
 
     def __init__(self) -> None:
-        self._pressed, self._ended = Event(), Event()
+        self._pressed, self._ended = False, Event()
 
     def __enter__(self) -> "Interrupts":
         """Heed it, unless whoever started this process had it ignored."""
@@ -29,26 +29,26 @@ class Interrupts:
 
     def __exit__(self, *_: object) -> None:
         """Ignore it from now on: how the command ended is known."""
-        self._ended.set()
-        self._pressed.set()
         if signal.getsignal(signal.SIGINT) == self._press:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self._ended.set()
 
     def _press(self, number: int, frame: FrameType | None) -> None:
-        self._pressed.set()
+        self._pressed = True
         signal.default_int_handler(number, frame)
 
     def _insist(self) -> None:
         """Raise it again for as long as the main thread does not deal with it."""
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which is for the main thread
-        self._pressed.wait()
+        seen = False
         while not self._ended.wait(INSIST_S):
-            if not is_dealt_with():
+            if seen and not is_dealt_with():
                 if hasattr(signal, "pthread_kill"):
                     signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
                 else:
                     interrupt_main()
+            seen = self._pressed
 
 
 def is_dealt_with() -> bool:

@@ -83,14 +83,14 @@ def main() -> None:
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # by workers, too
     printed = shielded("stdout", 1)
     shielded("stderr", 2)
-    with Interrupts():
-        try:
+    try:
+        with Interrupts():
             code = _command(sys.argv[1:])
-        except BaseException as error:
-            if not is_of_interrupt(error):
-                raise
-            complain("interrupted")
-            code = 130
+    except BaseException as error:
+        if not is_of_interrupt(error):
+            raise
+        complain("interrupted")
+        code = 130
     print(end="", flush=True)
     if printed.error and not isinstance(printed.error, BrokenPipeError):  # whose reader, such as head, has seen enough
         code = code or complain(f"the output: {printed.error.strerror}")

@@ -720,7 +720,7 @@ def test_ctrl_c_ends_a_run_quickly_and_keeps_what_was_finished(tmp_path: Path) -
 def test_too_little_address_space_is_told_in_one_line_before_libraries_break_of_it(tmp_path: Path) -> None:
     words = ["bash", "-c", f"ulimit -v 700000; exec {NAVBENCH} controller=sflc world=deadlock"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
-    said = "navbench: ulimit -v: 0.72 GB of address space; the libraries need 1 GB\n"
+    said = "navbench: ulimit -v: 0.72 GB of address space; the libraries need 1.5 GB\n"
     assert (done.returncode, done.stderr) == (2, said)
     assert files_in(tmp_path) == set()
 

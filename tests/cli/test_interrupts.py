@@ -4,7 +4,6 @@ import signal
 import threading
 import time
 import weakref
-from collections.abc import Iterator
 
 import pytest
 from commands import Command
@@ -14,10 +13,8 @@ from navbench.cli.interrupts import Interrupts
 
 
 @pytest.fixture(autouse=True)
-def handler() -> Iterator[None]:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+def _default() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class Thing:

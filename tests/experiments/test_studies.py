@@ -328,7 +328,7 @@ def test_a_cost_that_is_no_number_is_refused(tmp_path: Path, command: Command) -
     words = ["--config-dir", "conf", "controller=blind", "tuner=random", "workers=1", "world.time_limit_s=1.0"]
     done = command("tune", *words)
     assert done.code == 2
-    assert "navbench: cost of evaluation 0=nan: must be finite" in done.err
+    assert "navbench: objective.weights.heading_ise: has no value in an episode" in done.err
     assert "Traceback" not in done.err
 
 
