@@ -204,8 +204,9 @@ def test_a_count_that_is_none_is_one_line(key: str, count: Any) -> None:
 
 @pytest.mark.parametrize(("key", "most"), [("num_envs", 65536), ("threads", 1024)])
 def test_more_than_memory_holds_is_one_line(key: str, most: int) -> None:
+    asked: dict[str, Any] = {key: 10**9}
     with pytest.raises(DescriptionError, match=f"{key}=1000000000: must be a whole number from 1 to {most}$"):
-        navbench.gym.make_vec(world="empty", **{key: 10**9})
+        navbench.gym.make_vec(world="empty", **asked)
 
 
 class NoArray:
