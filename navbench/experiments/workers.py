@@ -231,8 +231,11 @@ def start_server(modules: Sequence[str] = PRELOADED) -> None:
     forkserver.set_forkserver_preload(list(modules))
     with _safe_path():
         resource_tracker.ensure_running()  # which would let Ctrl-C through again
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread, for good
-        forkserver.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import pytest
 from commands import workers_of
 
 from navbench.experiments import workers
-from navbench.experiments.crew import end_workers
+from navbench.experiments.crew import Crew, Task, end_workers
 from navbench.experiments.engines import Work, in_processes, run
 from navbench.experiments.workers import FORKS, Death
 from navbench.validation import DescriptionError
@@ -105,6 +105,18 @@ def test_whose_death_nobody_is_left_to_tell_of_was_killed_by_the_machine() -> No
     reason = "what its process was forked from was killed"
     assert _end(_killed_with_what_it_was_forked_from, None) == Death(reason, by_machine=True)
     assert _end(os._exit, 255) == Death("its process ended with exit code 255")
+
+
+def test_ctrl_c_reaches_whoever_began_a_worker_and_not_the_worker() -> None:
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    blocked = Crew([]).do(Task(_blocked, None, alone=True))
+    assert signal.SIGINT in blocked
+    assert signal.SIGINT not in before
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == before  # which children of this process inherit
+
+
+def _blocked(_: None) -> set[int]:
+    return {int(number) for number in signal.pthread_sigmask(signal.SIG_BLOCK, ())}
 
 
 def test_a_process_that_is_stopped_is_the_machines_fault() -> None:
