@@ -60,6 +60,8 @@ def is_dealt_with() -> bool:
 
 def is_of_interrupt(error: BaseException | None) -> bool:
     """Return whether an exception is an interrupt, or was raised while one was dealt with."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
+    seen: set[int] = set()  # a chain may lead back into itself
+    while error is not None and not isinstance(error, KeyboardInterrupt) and id(error) not in seen:
+        seen.add(id(error))
         error = error.__cause__ or error.__context__
-    return error is not None
+    return isinstance(error, KeyboardInterrupt)

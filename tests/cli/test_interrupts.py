@@ -9,7 +9,7 @@ import pytest
 from commands import Command
 from hydra.errors import ConfigCompositionException
 
-from navbench.cli.interrupts import Interrupts
+from navbench.cli.interrupts import Interrupts, is_of_interrupt
 
 
 @pytest.fixture(autouse=True)
@@ -97,3 +97,10 @@ def test_what_a_library_raises_because_of_an_interrupt_is_one(
     monkeypatch.setattr("navbench.cli.report.report", compose)
     done = command("report", "here")
     assert (done.code, done.err) == (130, "navbench: interrupted\n")
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_chain_of_errors_that_leads_back_into_itself_comes_to_an_end(interrupted: bool) -> None:
+    first, second = RuntimeError(), OSError()
+    first.__cause__, second.__context__ = second, KeyboardInterrupt() if interrupted else first
+    assert is_of_interrupt(first) is interrupted
