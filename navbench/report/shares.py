@@ -109,8 +109,8 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
     count = len(choices) or SLICES
     places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
     holds = drawn.codes(one.claim.name).ravel() == HOLDS
-    numbered = bool(choices) and all(type(choice) in (int, float) for choice in choices)
-    order = sorted(range(count), key=lambda k: choices[k]) if numbered else range(count)
+    known = [number for number in map(_number, choices) if number is not None]
+    order = np.argsort(known, kind="stable") if choices and len(known) == count else range(count)
     slices = [holds[places == k] for k in order]
     found = [clopper_pearson(int(held.sum()), held.size) for held in slices]
     x = (np.arange(count) + 0.5) / count
@@ -127,6 +127,14 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
         is_short = max(map(len, words)) <= NAMED_MAX
         axes.set_xticks(x, words if is_short else [str(k + 1) for k in range(count)])
     axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'from least to most'}", fontsize=7)
+
+
+def _number(choice: Any) -> float | None:
+    """Return the number that a choice is, in per cent too; None if it is none."""
+    try:
+        return None if isinstance(choice, bool) else float(str(choice).removesuffix("%"))
+    except ValueError:
+        return None
 
 
 def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mapping[str, float]) -> "Figure":

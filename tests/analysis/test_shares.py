@@ -114,9 +114,10 @@ def test_a_curve_joins_the_parts_of_a_range_and_tells_choices_apart() -> None:
     assert np.asarray(apart.lines[0].get_ydata()).tolist() == [1.0, 0.0]
     assert [label.get_text() for label in apart.get_xticklabels()] == ["True", "False"]
     assert apart.get_xlabel() == "first, 2 choices"
-    numbered = curves(sample, [one], {"first": (3, 1)}).axes[0]  # numbers stand in their order
-    assert [label.get_text() for label in numbered.get_xticklabels()] == ["1", "3"]
-    assert np.asarray(numbered.lines[0].get_ydata()).tolist() == [0.0, 1.0]
+    for numbers in ((3, 1), ("10 %", "5 %")):  # which stand in their order
+        numbered = curves(sample, [one], {"first": numbers}).axes[0]
+        assert [label.get_text() for label in numbered.get_xticklabels()] == [str(numbers[1]), str(numbers[0])]
+        assert np.asarray(numbered.lines[0].get_ydata()).tolist() == [0.0, 1.0]
 
 
 def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:
