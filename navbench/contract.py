@@ -151,7 +151,7 @@ class Controller(Protocol):
     """
 
     def reset(self, setup: Setup, rng: np.random.Generator) -> None:
-        """Begin an episode: forget the last one. ``rng`` is the only source of chance."""
+        """Begin an episode: forget the last one. ``rng`` is the only source of randomness."""
         ...
 
     def act(self, observation: Observation) -> Command:

@@ -138,6 +138,7 @@ def _complaint(error: ValidationError, kind: Any, key: str) -> str:
         inside = re.match(r"[a-z_]+(\[\d+\])?(\.\w+)*: ", said)
         return f"{path}.{said}" if inside else f"{path}: {said}"
     allowed = first["msg"].removeprefix("Input s").replace("hould be", "must be").replace("a valid ", "a ")
+    allowed = allowed.replace("a integer", "a whole number")
     allowed = re.sub(r"a dictionary( or an instance of \w+)?", "a mapping", allowed)
     return f"{path}={reprlib.repr(first['input'])}: {allowed}"
 

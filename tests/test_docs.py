@@ -79,11 +79,49 @@ def test_hardly_any_command_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_link_leads_somewhere(page: Path) -> None:
-    """Those to pages that are only made with the site, and to places in pages, the site's own builder checks."""
-    made = {"metrics.md", "tables.md"}
-    for link in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
-        assert link in made or (page.parent / link).exists() or link == "../results/aouf2019/report.html", link
+def test_a_local_link_leads_to_a_file_of_the_repository(page: Path) -> None:
+    """Of the places in pages that links name, the site's own builder checks whether they are there."""
+    links = re.findall(r"\]\(([^)#\s]+)|\b(?:src|href)=\"([^\"#]+)", page.read_text())
+    local = [link for link in map("".join, links) if not link.startswith(("http:", "https:", "mailto:"))]
+    assert [link for link in local if not (page.parent / link).exists()] == []
+
+
+def test_the_comparison_that_a_page_shows_is_the_one_that_its_commands_make(command: Command, tmp_path: Path) -> None:
+    page = ROOT / "docs/compare.md"
+    shown = re.findall(r"^\| (?:sflc|pid) \| \d+ of .*$", page.read_text(), re.M)
+    assert len(shown) == 2
+    for line in blocks_of(page)[0].commands:
+        assert typed(command, tmp_path, line).code == 0
+    made = (tmp_path / "compared/report.md").read_text().splitlines()
+    head = made[made.index(shown[0]) - 2]
+    assert set(shown) <= set(made)
+    assert head in page.read_text().splitlines()
+
+
+def test_the_numbers_of_aouf2019_that_a_page_shows_are_those_of_its_tables() -> None:
+    tables = ROOT / "results/aouf2019/tables"
+    names = ("table_3", "table_4_early", "readings")
+    printed, early, gains = (pd.read_csv(tables / f"{name}.csv").to_dict("records") for name in names)
+    times = {(row["label"], row["world"]): row["printed"] for row in printed}
+    fitted = {(row["cells"], row["world"]): row["time_s"] for row in gains}
+    paths = {(row["label"], row["world"]): (row["printed"], row["median"]) for row in early}
+    page = (ROOT / "docs/reproduce.md").read_text()
+    for label in ("PSO-PID", "ABC-PID", "FA-PID"):
+        row = "| {} | {:g} | {:.3f}".format(label, *paths[label, "no_deadlock"])
+        for world in ("deadlock", "corner"):
+            row += f" | {times[label, world]:g} | {fitted[f'{label}, gains fitted', world]:.2f}"
+        assert f"{row} |" in page.splitlines()
+
+
+def test_the_ranges_of_papers_that_a_page_shows_are_those_of_its_report() -> None:
+    report = (ROOT / "results/papers/report.md").read_text()
+    finding = next(line for line in report.splitlines() if line.startswith("- With exact ranges"))
+    counts = [(int(few), int(all_)) for few, all_ in re.findall(r"(\d+) of (\d+)", finding)]
+    assert len(counts) == 12  # at home and away, of six controllers
+    home, away = ([round(100 * few / all_) for few, all_ in counts[first::2]] for first in (0, 1))
+    page = (ROOT / "docs/reproduce.md").read_text()
+    assert f"{min(home)} to {max(home)} % of the episodes in a controller's own paper's worlds succeed" in page
+    assert f"and {min(away)} to {max(away)} % in the other papers'" in page
 
 
 def test_every_column_that_is_stored_is_described(command: Command, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ def test_checked_arguments_make_the_object() -> None:
     ("given", "said"),
     [
         ({"length_m": -0.5, "count": 3}, "build.length_m=-0.5: must be greater than 0"),
-        ({"length_m": 0.5, "count": 1.5}, "build.count=1.5: must be a integer"),
+        ({"length_m": 0.5, "count": 1.5}, "build.count=1.5: must be a whole number"),
         ({"length_m": 0.5}, "build.count: missing; a value is needed"),
         (
             {"length_m": 0.5, "count": 3, "lenght_m": 0.5},

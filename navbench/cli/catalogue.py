@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 import navbench.conf
-from navbench.cli.limits import check_file
+from navbench.cli.limits import check_directory, check_file
 from navbench.importing import import_named
 from navbench.reading import flat
 from navbench.validation import DescriptionError
@@ -29,23 +29,22 @@ def files_of(group: str, folders: Sequence[Path]) -> dict[str, str]:
     files = {
         file.stem: file for folder in folders for file in sorted((folder / group).glob("*.yaml")) if file.is_file()
     }
-    return {name: _title(files[name]) for name in sorted(files) if not name.startswith("_")}
+    return {name: _title(files[name]) for name in sorted(files) if not name.startswith(("_", "."))}
 
 
 def check_folder(folder: Path) -> None:
     """Check that a user's folder is there, that none of its files hides one of navbench's own, and all can be read.
 
     Raises:
-        DescriptionError: there is no such folder, or a file in it has a name that is taken or cannot be read.
+        DescriptionError: there is no such directory, or a file in it has a name that is taken or cannot be read.
     """
-    if not folder.is_dir():
-        raise DescriptionError(f"--config-dir={folder}: there is no such folder")
+    check_directory(f"--config-dir={folder}", folder)
     groups = sorted(path.name for path in CONF.iterdir() if path.is_dir())
     inner = [path.parent for path in sorted(folder.glob("*/controller")) + sorted(folder.glob("*/world"))]
     if inner and not any((folder / group).is_dir() for group in groups):
         raise DescriptionError(f"--config-dir={folder}: holds no {' or '.join(LISTED)}; did you mean {inner[0]}?")
     files = [*folder.glob("*.yaml"), *(file for group in groups for file in (folder / group).rglob("*.yaml"))]
-    for file in sorted(files):
+    for file in sorted(file for file in files if not file.name.startswith(".")):  # those are other programs'
         place = file.relative_to(folder)
         if (CONF / place).exists() and not file.samefile(CONF / place):
             what = place.parts[0] if len(place.parts) > 1 else "file"

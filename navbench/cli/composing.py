@@ -74,7 +74,7 @@ def composing(
         things: what stands in no file: of each its group, its name, and what its file would hold.
 
     Raises:
-        DescriptionError: there is no such folder, or a file in it cannot be used.
+        DescriptionError: there is no such directory, or a file in it cannot be used.
     """
     if config_dir is not None:
         check_folder(Path(config_dir))
@@ -131,6 +131,8 @@ class Composer:
             for other, kind in KINDS.items():
                 if _top(word) in _keys_of(kind) and _top(word) not in _keys_of(KINDS[name]):
                     raise DescriptionError(f"{word}: is a key of `navbench {other}`, not of a {name}")
+        check_words(words)
+        _check_once(words)
         jobs = combinations(words) if sweep else [list(words)]
         first = self._whole(name, jobs[0])
         told = HydraConfig.get()
@@ -239,9 +241,29 @@ def check_words(words: Iterable[str]) -> None:
         DescriptionError: a word chooses no name.
     """
     for word in words:
+        if re.match(rf"({'|'.join(LISTED)})=.*[\ud800-\udfff]", word):
+            raise DescriptionError(f"{word!a}: cannot be read in this locale; set PYTHONUTF8=1")
         group = re.fullmatch(rf"({'|'.join(LISTED)})(?:@[\w.]+)?=(?:[\[{{].*|{NO_NAME}|.*\.yaml)", word, re.DOTALL)
         if group:
             raise DescriptionError(f"{word}: must be one name; `navbench list {group[1]}` prints them")
+
+
+def _check_once(words: Iterable[str]) -> None:
+    """Check that no choice speaks against another one: Hydra would take the last, where both may be meant.
+
+    Raises:
+        DescriptionError: one does.
+    """
+    given: dict[str, str] = {}
+    for word in words:
+        key, _, value = word.partition("=")
+        if key in LISTED and given.get(key, value) != value:
+            raise DescriptionError(
+                f"{word}: {key}={given[key]} is there, too; a sweep is -m {key}={given[key]},{value}"
+            )
+        given[key] = value
+    if {"episode", "episodes"} <= {*given}:
+        raise DescriptionError(f"episode={given['episode']}: runs it alone; leave out episodes={given['episodes']}")
 
 
 def key_of(word: str) -> str:

@@ -80,6 +80,7 @@ def cell_of(run: Composed, makers: Mapping[str, Callable[..., Controller]] = NON
     if hasattr(make_controller.func, "digest"):  # of what it reads from a file
         groups["controller"]["digest"] = str(make_controller().digest)  # type: ignore[attr-defined]
     world.check_fits(robot.radius_m)
+    world.check_starts()
     _check_steps(world, robot, native)
     if options.gui and not simulator.has_window:
         raise DescriptionError(f"simulator.gui=True: {names.simulator} has no window")

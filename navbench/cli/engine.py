@@ -31,13 +31,14 @@ def where_of(values: Mapping[str, Any]) -> Where:
     return {"engine": made("engine", values["engine"], ("open(workers)",)), "workers": workers}
 
 
-def where(words: Sequence[str], config_dir: str | Path | None, verb: str) -> Where:
+def where(words: Sequence[str], config_dir: str | Path | None, verb: str, others: Sequence[str] = ()) -> Where:
     """Return where work is to run by the words of a command line that has no others.
 
     Args:
         words: such as "engine=dask", "engine.address=tcp://host:8786", "workers=4".
         config_dir: a folder with further engines, as after ``--config-dir``.
         verb: of the command line, for the error message.
+        others: further keys that it has, for the error message.
 
     Raises:
         DescriptionError: another word stands there; and as ``where_of``.
@@ -45,6 +46,7 @@ def where(words: Sequence[str], config_dir: str | Path | None, verb: str) -> Whe
     """
     for word in words:
         if key_of(word).partition(".")[0] not in KEYS:
-            raise DescriptionError(f"{word}: unknown key; {instead(key_of(word), KEYS, f'allowed with a {verb}')}")
+            allowed = instead(key_of(word), (*KEYS, *others), f"allowed with a {verb}")
+            raise DescriptionError(f"{word}: unknown key; {allowed}")
     with composing(config_dir) as composer:
         return where_of(composer.values("run", words).values)

@@ -1,5 +1,6 @@
 """A plan carried out for a person: its progress, its tables, what an interrupt leaves, and the exit code."""
 
+import errno
 import logging
 import shlex
 import sys
@@ -19,6 +20,7 @@ from navbench.experiments.store import Results
 from navbench.experiments.workers import MachineError
 from navbench.validation import DescriptionError
 
+NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)  # on the disk
 INTERRUPTED = 130  # the exit code
 NEEDED = ("pandas", "matplotlib.image")  # by tables and pictures, and imported while processes run episodes
 
@@ -57,7 +59,7 @@ def carry_out(
                 step = told.last
         step, stage = Step("episodes", ran.finished, ran.planned), ", while tables and figures were written"
         code = finish(ran.results) or 0
-    except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
+    except (KeyboardInterrupt, OSError, MachineError, MemoryError) as error:  # of a full disk, say
         return _stopped(error, step, stage, path, shlex.join(["navbench", *again]))
     planned = ran.planned + missing
     if ran.finished == planned:
@@ -88,8 +90,9 @@ def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, ag
     if isinstance(error, OSError) and not (error.filename or stage):
         error.filename = str(path)
     kept = (path / "manifest.json").is_file()
-    if isinstance(error, MachineError) and not kept:
-        complain(f"{error}; nothing is kept")
+    by_machine = isinstance(error, MachineError) or isinstance(error, OSError) and error.errno in NO_ROOM
+    if by_machine and not kept:
+        complain(f"{one_line(error)}; nothing is kept")
         return UNFINISHED
     if not interrupted and not (kept and step):
         raise error
@@ -97,7 +100,8 @@ def _stopped(error: BaseException, step: Step | None, stage: str, path: Path, ag
         complain("interrupted before anything was finished; nothing is kept")
         return INTERRUPTED
     far = f"{step.done} of {step.of} {step.what.split()[-1]}" if step else ""
-    said = f"interrupted{' after ' if far else ''}{far}" if interrupted else f"{one_line(error)}: after {far}"
+    what = f"out of memory: {one_line(error)}" if isinstance(error, MemoryError) else one_line(error)
+    said = f"interrupted{' after ' if far else ''}{far}" if interrupted else f"{what}: after {far}"
     kept_so_far = "they are" if far else "what was finished is"
     complain(f"{said}{stage}; {kept_so_far} kept in {path}, and this goes on from there: {again}")
     if interrupted and not stage and (path / "episodes").is_dir():

@@ -12,6 +12,7 @@ from navbench.cli.configuration import cell_of
 from navbench.cli.engine import Where, where_of
 from navbench.cli.errors import check_flags, one_line_errors, path_of, texts
 from navbench.cli.given import AnyController, AnyRobot, AnySensors, AnyWorld, Values, given_words
+from navbench.cli.limits import check_directory
 from navbench.cli.result import Result
 from navbench.cli.tables import write_tables
 from navbench.experiments.cells import Cell
@@ -157,8 +158,7 @@ def load(path: str | Path) -> Result:
     """
     folder = path_of("path", path)
     with one_line_errors():
-        if not folder.is_dir():
-            raise DescriptionError(f"load {path}: there is no such directory")
+        check_directory(f"load {path}", folder)
         return Result(folder)
 
 

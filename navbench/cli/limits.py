@@ -9,6 +9,7 @@ from navbench.validation import DescriptionError
 
 BYTES_MAX = 2**22
 DEPTH_MAX = 100
+DIGITS_MAX = 4000  # of which Python reads 4,300
 NODES_MAX = 10**6  # with each reference counted as all that it stands for
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -30,6 +31,16 @@ def check_file(file: Path) -> None:
         pass
 
 
+def check_directory(said: str, path: Path) -> None:
+    """Check that a directory is there.
+
+    Raises:
+        DescriptionError: it is not, or is a file; the message begins with what was said.
+    """
+    if not path.is_dir():
+        raise DescriptionError(f"{said}: {'is a file' if path.exists() else 'there is no such directory'}")
+
+
 def _check_nodes(file: Path, text: str) -> None:
     """Count what a file holds without building it."""
     open_, sizes = [(None, 0)], dict[str | None, int]()  # the name and size of each collection that is under way
@@ -43,9 +54,13 @@ def _check_nodes(file: Path, text: str) -> None:
         if isinstance(event, yaml.CollectionEndEvent):
             name, size = open_.pop()
         elif isinstance(event, yaml.AliasEvent):
+            if name in (of for of, _ in open_):
+                raise DescriptionError(f"{file}: *{name} stands within &{name} itself")
             name, size = None, sizes.get(name, 1)
         elif not isinstance(event, yaml.ScalarEvent):
             continue
+        elif len(event.value) > DIGITS_MAX and event.value.isdecimal():
+            raise DescriptionError(f"{file}: {event.value[:20]}...: a number must have at most {DIGITS_MAX} digits")
         sizes[name] = size
         open_[-1] = open_[-1][0], open_[-1][1] + size
         if open_[-1][1] > NODES_MAX:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.cli.catalogue import CONF, files_of
+from navbench.cli.limits import check_directory
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
 
@@ -34,7 +35,7 @@ with more of them. What is found is written into results/STUDY/multiverse.
 NUMBERS = {"n": 16384, "decide": 1024, "search": 320, "seed": 0}
 MOST = 2**20  # reconstructions, or evaluations
 TEXTS = ("prior", "tuned", "out")
-KEYS = (*NUMBERS, *TEXTS, "engine", "workers")
+KEYS = (*NUMBERS, *TEXTS, "engine", "workers", "resume")
 
 
 def multiverse(arguments: Sequence[str]) -> int:
@@ -59,6 +60,8 @@ def multiverse(arguments: Sequence[str]) -> int:
     from navbench.experiments.workers import MachineError
 
     chosen = where(placed, words.config_dir, "multiverse")
+    if options["tuned"]:
+        check_directory(f"tuned={options['tuned']}", Path(options["tuned"]))
     tuned = Path(options["tuned"] or f"outputs/study/{name}")
     inner = [options["prior"]] if options["prior"] else []
     samples = Samples(Path(options["out"] or "-".join([f"outputs/multiverse/{name}", *inner])))
@@ -79,7 +82,7 @@ def multiverse(arguments: Sequence[str]) -> int:
                 done += todo[index].size
                 told("reconstructions", done, total)
             files = _finish(of, samples, inner, options["search"], chosen["workers"], told)
-    except (KeyboardInterrupt, OSError, MachineError) as error:  # of a full disk, say
+    except (KeyboardInterrupt, OSError, MachineError, MemoryError) as error:  # of a full disk, say
         if isinstance(error, OSError) and not (samples.path / PRIOR).is_file():  # nothing was begun
             raise
         interrupted, again = isinstance(error, KeyboardInterrupt), shlex.join(["navbench", "multiverse", *arguments])
@@ -147,10 +150,10 @@ def _options(overrides: Sequence[str]) -> dict[str, Any]:
             raise DescriptionError(f"{word}: must be a whole number from 0 to {most}")
         options[key] = int(value)
     for key, size, why in (
-        ("n", SCRAMBLES * BLOCK, "of each scramble as many"),
-        ("decide", SCRAMBLES, "of each scramble as many"),
-        ("search", POPULATION, "whole generations"),
+        ("n", SCRAMBLES * BLOCK, f"so that each of the {SCRAMBLES} samples has as many"),
+        ("decide", SCRAMBLES, f"so that each of the {SCRAMBLES} samples has as many"),
+        ("search", POPULATION, "so that generations are whole"),
     ):
         if options[key] % size:
-            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {size}: {why}")
+            raise DescriptionError(f"{key}={options[key]}: must be a multiple of {size}, {why}")
     return options

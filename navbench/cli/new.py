@@ -18,7 +18,7 @@ from navbench.validation import DescriptionError, instead
 HELP = """navbench new controller|world|robot|sensors|study NAME: write a template that runs, to change into your own
 
   --config-dir DIR                                  the folder of your configurations; default conf, made where missing
-  compiled=true                                     a controller as a compiled policy: ten times as fast in planar
+  compiled=true                                     a controller as a compiled policy, many times as fast in planar
 
 It writes DIR/GROUP/NAME.yaml and test_GROUP_NAME.py, for a controller NAME.py as well, and prints how to run and to
 test them. What is there is never overwritten.
@@ -41,10 +41,12 @@ def new(arguments: Sequence[str]) -> int:
     """Write the files of one template and print how to run them."""
     words = sort_words(arguments)
     compiled = words.overrides == ["compiled=true"] and words.names[:1] == ["controller"]
-    if (words.overrides and not compiled) or len(words.names) != 2 or words.names[0] not in RUN:
+    if words.overrides and not compiled:
+        raise DescriptionError(f"{words.overrides[0]}: the only such word is compiled=true, of a controller")
+    if len(words.names) != 2 or words.names[0] not in RUN:
         given = words.names[0] if words.names else ""
         which = instead(given, RUN, "there are") if given not in RUN else f"such as `navbench new {given} mine`"
-        raise DescriptionError(f"{' '.join(['new', *words.names, *words.overrides])}: name a group and a name; {which}")
+        raise DescriptionError(f"{' '.join(['new', *words.names])}: name a group and a name; {which}")
     group, name = words.names
     conf = words.config_dir or "conf"
     _check_name(group, name, Path(conf))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.cli.display import why_none
+from navbench.cli.limits import check_directory
 from navbench.cli.progress import progress, tell
 from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
@@ -50,8 +51,7 @@ def replay(arguments: Sequence[str]) -> int:
             raise DescriptionError(f"{key}={value}: unknown key; {instead(key, KEYS, 'allowed with replay')}")
     if len(words.names) != 1:
         raise DescriptionError(f"replay {' '.join(words.names)}".rstrip() + ": name one results directory")
-    if not Path(words.names[0]).is_dir():
-        raise DescriptionError(f"replay {words.names[0]}: there is no such directory")
+    check_directory(f"replay {words.names[0]}", Path(words.names[0]))
     speed, video = _speed(given.pop("speed", "1")), Path(words.video) if words.video else None
     _check_way_out(video)
     from navbench.analysis.stored import StoredResults

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from navbench.cli.limits import check_directory
 from navbench.cli.progress import UNFINISHED, complain, tell
 from navbench.cli.words import sort_words
 from navbench.raised import one_line
@@ -35,9 +36,13 @@ def report(arguments: Sequence[str]) -> int:
     given: dict[str, Path] = {}
     for word in words.overrides:
         key, _, value = word.partition("=")
-        if key not in KEYS or not value:
+        if key in KEYS and not value:
+            raise DescriptionError(f"{word}: must name a directory")
+        if key not in KEYS:
             raise DescriptionError(f"{word}: unknown key; {instead(key, KEYS, 'allowed with report, each as KEY=DIR')}")
         given[key] = Path(value)
+    if "out" in given and given["out"].exists():
+        check_directory(f"out={given['out']}", given["out"])
     if "join" in given:
         if words.names or "out" in given:
             raise DescriptionError(f"join={given['join']}: stands alone; it writes into that directory")
@@ -46,8 +51,7 @@ def report(arguments: Sequence[str]) -> int:
     if not words.names:
         raise DescriptionError("report: name at least one results directory")
     for name in words.names:
-        if not Path(name).is_dir():
-            raise DescriptionError(f"report {name}: there is no such directory")
+        check_directory(f"report {name}", Path(name))
     if len(words.names) > 1 and "out" not in given:  # the report of the first alone lies in it
         raise DescriptionError(f"report {' '.join(words.names)}: name where their report is to go, as out=DIR")
     runs = [Results(Path(name)) for name in words.names]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from navbench.cli.composing import key_of
+from navbench.cli.limits import check_directory
 from navbench.cli.progress import complain, tell
 from navbench.cli.words import sort_words
 from navbench.records import NOT_DRIVEN
@@ -29,14 +30,16 @@ navbench show sensors=NAME: draw where its rays begin, where they look, and how 
 
   episode=K                                         which episode; without it the first in which a robot failed
   robot=I                                           one robot in front of the others, which are grey, and its trace
-  run_id=ID name=NAME label=LABEL world=NAME        which cell, where there are several; ID may be cut short
+  run_id=ID name=NAME label=LABEL world=NAME controller=NAME
+                                                    which cell, where there are several; ID may be cut short
   out=FILE.png|FILE.svg                             where to; default a name in this directory that says what it is
   --open                                            show it with the system's viewer
   --config-dir DIR                                  your own controllers, worlds, robots and sensors
   KEY=VALUE                                         as of a run, where no directory is named, such as robot=disc4
 """
 CELL = ("run_id", "name", "label", "world")  # what chooses a cell
-OF_RUN = ("episode", "robot", *CELL)
+CHOOSING = (*CELL, "controller")  # and what does where each controller has one label
+OF_RUN = ("episode", "robot", *CHOOSING)
 SUBJECTS = ("controller", "world", "robot", "sensors")
 LISTED_MAX = 6  # cells in a message
 FORMS = (".png", ".svg")
@@ -115,13 +118,12 @@ def _of_run(path: Path, words: Sequence[str]) -> Shown:
             allowed = instead(key, (*OF_RUN, "out"), "allowed with show DIR")
             raise DescriptionError(f"{word}: unknown key; {allowed}")
         given[key] = value
-    if not path.is_dir():
-        raise DescriptionError(f"show {path}: there is no such directory")
+    check_directory(f"show {path}", path)
     manifests = [*path.glob("*/manifest.json"), *path.glob("*/*/manifest.json")]
     inner = sorted([file for file in manifests if (file.parent / "episodes").is_dir()], key=_age)
     if inner and not (path / "manifest.json").is_file():
         raise DescriptionError(f"{path}: no results here; the newest within are in {inner[-1].parent}")
-    cell = {key: given[key] for key in CELL if key in given}
+    cell = {key: given[key] for key in CHOOSING if key in given}
     return picture_of(StoredResults(Results(path)), cell, number("episode", given), number("robot", given))
 
 
@@ -153,7 +155,7 @@ def robot_of(rows: "pd.DataFrame", robot: int | None) -> int | None:
     """Return a robot's index, or None, where it is one of the robots of a cell; raises ``DescriptionError``."""
     robots = int(rows["robot_index"].max()) + 1
     if robot is not None and robot not in range(robots):
-        raise DescriptionError(f"robot={robot}: there is no such robot; robots {_spans(range(robots))}")
+        raise DescriptionError(f"robot={robot}: there is no such robot; {_there('robot', range(robots))}")
     return robot
 
 
@@ -171,8 +173,8 @@ def cell_of_results(stored: "StoredResults", wanted: Mapping[str, str]) -> Mappi
     cells = {cell["run_id"]: cell for cell in reversed(stored.manifest["cells"])}
     found: list[dict[str, Any]] = list(reversed(cells.values()))
     for key, value in wanted.items():
-        if key not in (*CELL, "controller"):
-            raise DescriptionError(f"{key}={value}: unknown key; {instead(key, CELL)}")
+        if key not in CHOOSING:
+            raise DescriptionError(f"{key}={value}: unknown key; {instead(key, CHOOSING)}")
         left = [cell for cell in found if (cell[key].startswith(value) if key == "run_id" else cell[key] == value)]
         if not left:
             there = dict.fromkeys(cell[key] for cell in found)
@@ -209,7 +211,7 @@ def episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
     undrawn = rows[rows["outcome"].isin(list(NOT_DRIVEN))].set_index("episode")["reason"]
     if wanted is not None:
         if wanted not in there:
-            raise DescriptionError(f"episode={wanted}: there is no such episode; episodes {_spans(there)}")
+            raise DescriptionError(f"episode={wanted}: there is no such episode; {_there('episode', there)}")
         if wanted in undrawn.index:
             raise DescriptionError(f"episode={wanted}: was not run: {undrawn[wanted]}")
         return wanted, ""
@@ -223,6 +225,10 @@ def episode_of(rows: "pd.DataFrame", wanted: int | None) -> tuple[int, str]:
         which = f"the first of {len(failed)} failed episodes" if len(failed) > 1 else "the only failed episode"
         return failed[0], f"{which}, of {len(driven)}"
     return driven[0], f"no failure in {len(driven)} episodes; this is the first"
+
+
+def _there(what: str, numbers: Sequence[int]) -> str:
+    return f"there is only {what} {numbers[0]}" if len(numbers) == 1 else f"there are {what}s {_spans(numbers)}"
 
 
 def _spans(numbers: Sequence[int]) -> str:

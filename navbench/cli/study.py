@@ -48,7 +48,7 @@ def study(arguments: Sequence[str]) -> int:
     from navbench.experiments.store import Results
     from navbench.report.reports import write_report
 
-    name, chosen = words.names[0], where(others, words.config_dir, "study")
+    name, chosen = words.names[0], where(others, words.config_dir, "study", ("simulator", "reconstruction", "resume"))
     out = Path("results", name, *asked.values())
 
     def finish(results: Results) -> int:

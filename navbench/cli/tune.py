@@ -35,7 +35,7 @@ def tune(arguments: Sequence[str]) -> int:
     words = sort_words(arguments, ("--config-dir", "--cfg", "--overwrite"))
     if words.names:
         raise DescriptionError(f"{words.names[0]}: unknown word; tune takes key=value, such as tuner=pso")
-    from navbench.cli.composing import composing
+    from navbench.cli.composing import composing, key_of
     from navbench.cli.flow import carry_out
     from navbench.cli.study_configuration import compose_tuning
     from navbench.cli.tables import print_tables
@@ -49,6 +49,8 @@ def tune(arguments: Sequence[str]) -> int:
         with composing(words.config_dir) as composer:
             print(composer.text("tune", words.overrides), end="")
         return 0
+    if "controller" not in map(key_of, words.overrides):
+        raise DescriptionError("tune: name a controller, such as controller=pid")
     tuning, path, where = compose_tuning(words.overrides, words.config_dir)
 
     def finish(results: Results) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from navbench.cli.limits import check_directory
 from navbench.cli.progress import UNFINISHED
 from navbench.cli.words import sort_words
 from navbench.reading import printable
@@ -39,8 +40,7 @@ def verify(arguments: Sequence[str]) -> int:
         raise DescriptionError("verify: name at least one results directory")
     code = 0
     for name in words.names:
-        if not Path(name).is_dir():
-            raise DescriptionError(f"verify {name}: there is no such directory")
+        check_directory(f"verify {name}", Path(name))
         if (Path(name) / PRIOR).is_file():
             code = _verify_samples(Samples(Path(name))) or code
             continue

@@ -2,6 +2,7 @@
 
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -76,12 +77,16 @@ def sort_words(arguments: Sequence[str], flags: Sequence[str] = ("--config-dir",
     given, unknown = parser.parse_known_intermixed_args(list(arguments))
     if unknown:
         word = unknown[0].lstrip("-")
-        meant = f"did you mean {word}? " if word.split("=")[0] in LISTED else ""
+        near = get_close_matches(unknown[0], flags, 1)
+        meant = f"did you mean {(near or [word])[0]}? " if near or word.split("=")[0] in LISTED else ""
         raise DescriptionError(f"{unknown[0]}: unknown flag; {meant}allowed: {allowed}")
     config_dir: str | None = given.config_dir if "--config-dir" in flags else None
     if config_dir is not None:
         check_folder(Path(config_dir))
     overrides = [word for word in given.words if "=" in word or word.startswith("~")]
+    for word in overrides:
+        if word.startswith("resume=") and word != RESUME:
+            raise DescriptionError(f"{word}: must be other-code")
     return Words(
         names=[word for word in given.words if word not in overrides],
         overrides=[word for word in overrides if word != RESUME],

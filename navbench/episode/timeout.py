@@ -1,10 +1,12 @@
 """How long a controller may take: timers of the operating system end its process, wherever in its code it is."""
 
+import math
 import signal
 import time
 
 EPISODE_STEPS = 20.0  # times what a step may take is what an episode may take
 CLOCK_STEPS = 10.0  # times that by the clock, for a step that waits and takes no CPU time
+GRACE_S = 1.0  # beyond that, for the signal that should have ended the process
 SLACK = 0.05  # of a limit, by which it may come early: timers are not set anew at each step
 
 EXPIRED: dict[int, str] = {
@@ -16,6 +18,8 @@ EXPIRED: dict[int, str] = {
     }.items()
     if hasattr(signal, name)
 }  # what a process died of that one of these signals ended
+
+_due_s = math.inf  # when the step must have ended, by the monotonic clock
 
 
 class Timeout:
@@ -44,10 +48,19 @@ class Timeout:
             self._step_at_s = now_s
             signal.setitimer(signal.ITIMER_PROF, self._step_s)
             signal.setitimer(signal.ITIMER_REAL, CLOCK_STEPS * self._step_s)
+            global _due_s
+            _due_s = now_s + CLOCK_STEPS * self._step_s
+
+
+def is_overdue() -> bool:
+    """Return whether a step goes on that a signal should have ended; a controller may use these signals itself."""
+    return time.monotonic() > _due_s + GRACE_S
 
 
 def stop_timers() -> None:
     """Let nothing be timed any more."""
+    global _due_s
+    _due_s = math.inf
     if EXPIRED:
         for timer in (signal.ITIMER_VIRTUAL, signal.ITIMER_PROF, signal.ITIMER_REAL):
             signal.setitimer(timer, 0.0)

@@ -209,9 +209,7 @@ def _speed(cell: Cell, acts: Acts) -> Finding:
         return Finding("note", "speed", f"{act_s:.3g} s per act, more than its control period of {period:g} s")
     if cell.loop != "compiled":
         is_policy = isinstance(cell.make_controller(), CompiledController)
-        kind = (
-            "compiled, but the simulator is not" if is_policy else "Python; a compiled policy may be ten times as fast"
-        )
+        kind = "compiled, but the simulator is not" if is_policy else "Python; compiled policies are far quicker"
         return Finding("ok", "speed", f"{1e6 * act_s:.1f} us per act: {kind}")
     each_s = math.inf
     with cell.runner() as runner:

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 from pydantic.dataclasses import dataclass as described
 
 from navbench.experiments.crew import Crew, Task, kept
-from navbench.experiments.workers import Death, check_place, start_server
+from navbench.experiments.workers import Death, MachineError, check_place, start_server
 from navbench.validation import STRICT, DescriptionError
 
 Batch = TypeVar("Batch")
@@ -138,11 +138,13 @@ def in_processes(do: Callable[[Batch], Result], items: Sequence[Batch], workers:
 
     Raises:
         DescriptionError: a process died of an item.
+        MachineError: it was killed from outside, or there is no memory.
         Exception: whatever it raises.
     """
 
     def lost(item: Batch, death: Death) -> Result:
-        raise DescriptionError(f"{death.reason}, at its work on {str(item)[:100]}")
+        said = f"{death.reason}, at its work on {str(item)[:100]}"
+        raise MachineError(Death(said)) if death.by_machine else DescriptionError(said)
 
     work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0])
     done = dict(run(work, items, workers=workers))

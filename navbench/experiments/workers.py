@@ -4,6 +4,7 @@ On Linux a worker is forked from a server that has imported what it needs, withi
 It leads a process group of its own, so that Ctrl-C does not reach it and whatever it starts ends with it.
 """
 
+import errno
 import faulthandler
 import os
 import signal
@@ -20,7 +21,7 @@ from traceback import format_exc
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from navbench.episode.timeout import EXPIRED, stop_timers
+from navbench.episode.timeout import EXPIRED, is_overdue, stop_timers
 from navbench.experiments.code import changed, loaded
 from navbench.output import shielded
 from navbench.raised import one_line
@@ -32,6 +33,8 @@ PLACE_MAX = 70  # bytes of a path, below which the name of a socket, of at most 
 GROUPS = hasattr(os, "setsid")
 WATCH_S = 0.5  # between two looks at a worker
 LOOKS = 20  # the last ones, which tell a step that waits from one that gets no core
+OVERDUE = 254  # the exit code of a process whose controller turned off the signals of its timers
+FULL = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN)  # no more files, memory or processes
 UNKNOWN = 255  # the exit code of a process whose own was to be told by what it was forked from, which is gone
 END_S = 5.0  # that a process may take to end that has been told to
 SAFE = "PYTHONSAFEPATH"
@@ -154,6 +157,8 @@ class Worker:
             while self._said.poll() and (more := os.read(self._said.fileno(), 65536)):
                 said += more
         trace = said.decode(errors="replace")
+        if code == OVERDUE and CLOCK:
+            return Death(EXPIRED[CLOCK], trace)
         if code is None or code >= 0:
             return Death(f"its process ended with exit code {code}", trace)
         if -code in EXPIRED:
@@ -231,11 +236,21 @@ def start_server(modules: Sequence[str] = PRELOADED) -> None:
     forkserver.set_forkserver_preload(list(modules))
     with _safe_path():
         resource_tracker.ensure_running()  # which would let Ctrl-C through again
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a process inherits from the thread
-        try:
+        with uninterrupted():
             forkserver.ensure_running()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C, which is for this process alone, not reach those that begin meanwhile: they inherit the mask."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -280,14 +295,17 @@ def _work(batches: Connection, says: Connection, code: Mapping[str, str]) -> Non
         faulthandler.enable(says.fileno(), all_threads=False)
         for number in EXPIRED:
             faulthandler.register(number, says.fileno(), all_threads=False, chain=True)
-    threading.Thread(target=_end_with_driver, daemon=True).start()
+    threading.Thread(target=_end_in_time, args=(says.fileno(),), daemon=True).start()
     folder, process = os.getcwd(), os.getpid()
-    other = changed(code)
+    other, usable = changed(code), True
     with suppress(EOFError, OSError):
-        while True:
+        while usable:
             message = batches.recv_bytes()
             os.chdir(folder)
-            answer = refused(f"{other}: changed since this run began") if other else answer_to(message)
+            try:
+                answer = refused(f"{other}: changed since this run began") if other else answer_to(message)
+            except (MemoryError, OSError) as error:
+                answer, usable = _died(error), False
             stop_timers()
             print(end="", flush=True)
             if os.getpid() != process:  # a fork of the controller's, which is nobody's worker
@@ -297,17 +315,36 @@ def _work(batches: Connection, says: Connection, code: Mapping[str, str]) -> Non
 
 
 def answer_to(message: bytes) -> bytes:
-    """Return what a batch comes to, pickled: what its function returned, and what it raised."""
+    """Return what a batch comes to, pickled: what its function returned, and what it raised.
+
+    Raises:
+        MemoryError, OSError: this process has no room for more.
+    """
     import cloudpickle
 
     try:
         function, argument = cloudpickle.loads(message)
         answer: bytes = cloudpickle.dumps((function(argument), None))
     except Exception as error:
+        if isinstance(error, MemoryError) or isinstance(error, OSError) and error.errno in FULL:
+            raise
         error.add_note(format_exc())
         answer = _raised(error)
     except BaseException as error:  # of a user's code that means to end the process
         answer = cloudpickle.dumps((Death(one_line(error), format_exc()), None))
+    return answer
+
+
+def _died(error: MemoryError | OSError) -> bytes:
+    """Return what a batch comes to in a process that has no room for more, pickled.
+
+    How many files are open is the process's own, and so the fault of what it did; memory may be the machine's.
+    """
+    import cloudpickle
+
+    own = isinstance(error, OSError) and error.errno == errno.EMFILE
+    said = f"its process ran out of {'files' if own else 'memory, files or processes'}: {one_line(error)}"
+    answer: bytes = cloudpickle.dumps((Death(said, format_exc(), by_machine=not own), None))
     return answer
 
 
@@ -331,11 +368,14 @@ def _raised(error: Exception) -> bytes:
     return answer
 
 
-def _end_with_driver() -> None:
-    """End with the driver, and all that was started here: nobody would read what it says."""
+def _end_in_time(says: int) -> None:
+    """End when a controller takes too long whose timers were turned off, and with the driver, which nobody outlives."""
     parent = parent_process()
     assert parent is not None
-    parent.join()
+    while not connection.wait([parent.sentinel], WATCH_S):
+        if is_overdue():
+            faulthandler.dump_traceback(says)
+            os._exit(OVERDUE)
     if GROUPS:
         os.killpg(0, signal.SIGKILL)
     os._exit(1)

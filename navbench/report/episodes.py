@@ -91,14 +91,26 @@ def draw_episode(
         draw_trace(strip, told, title, columns)
     if recorded:
         draw_ranges(strips[-1], told)
-    if len(strips) > 2 and len(shown) > 1:
-        strips[2].set_title(f"{'trace' if groups else 'ranges'} of {told.name}", fontsize=8, loc="left")
+    whose = f" of {told.name}" if len(shown) > 1 else ""
+    units = _units(cell["configuration"]) if groups else ""
+    if whose or units:
+        for strip in strips[2:3]:
+            strip.set_title(f"{'trace' if groups else 'ranges'}{whose}{units}", fontsize=8, loc="left")
     for strip in strips[:-1]:
         strip.tick_params(labelbottom=False)
     strips[-1].set_xlabel("t [s]")
     figure.suptitle(_title(cell, drives, shown, note), fontsize=10, x=0.01, ha="left", parse_math=False)
     _draw_map(ax, world, body.radius_m, drives, shown)
     return figure
+
+
+def _units(configuration: Mapping[str, Any]) -> str:
+    """Return in whose lengths and times a trace is, where they are not those of the robot that drives."""
+    native = (configuration["controller"].get("native") or {}).get("robot") or configuration["robot"]
+    keys = ("radius_m", "wheel_speed_max_mps")
+    if all(native[key] == configuration["robot"][key] for key in keys):
+        return ""
+    return f", in the controller's own units: of a robot of radius {native['radius_m']:g} m"
 
 
 def _told_of(shown: Sequence[Drive]) -> Drive:

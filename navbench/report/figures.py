@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from navbench.analysis.stored import StoredResults, driven, reached
 from navbench.experiments.files import inside, replacing
 from navbench.experiments.store import Results
-from navbench.report.drawing import draw_circle, draw_world, sparse
+from navbench.report.drawing import draw_circle, draw_world, frame, sparse
 from navbench.robot import Robot
 from navbench.validation import describe
 from navbench.world.layout import DrawnWorld
@@ -226,7 +226,9 @@ def draw_cell(
         draw_world(ax, world)
     outcomes = episodes.set_index(["episode", "robot_index"])["outcome"].to_dict()
     trajectories = trajectories[trajectories["episode"].isin(episodes["episode"])]  # others may have ended meanwhile
-    sample = _draw_paths(ax, trajectories, outcomes, robot.radius_m)
+    sample, seen_m = _draw_paths(ax, trajectories, outcomes, robot.radius_m)
+    if world is not None:
+        frame(ax, world, seen_m)
     for start in () if world is None else world.starts:
         draw_circle(ax, start.x_m, start.y_m, robot.radius_m)
     seen = [name for name in COLOURS if name in set(outcomes.values())]
@@ -235,11 +237,19 @@ def draw_cell(
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.4, ncols=4, frameon=False)
     name = cell["name"] if cell["name"].startswith(cell["world"]) else cell["world"]  # of a sweep's, with what differs
+    several = len({*episodes["layout_id"]} - {""}) > 1
+    sample += "\nwhat differs between its layouts is not drawn" * several
     ax.set_title(f"{cell['label']} in {name}" + _numbers(driven(episodes)) + sample, wrap=True, y=1.0)
 
 
-def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any, str], radius_m: float) -> str:
-    """Draw paths and where they end, and return what a title says where they are only a sample."""
+def _draw_paths(
+    ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any, str], radius_m: float
+) -> tuple[str, FloatArray]:
+    """Draw paths and where they end.
+
+    Returns:
+        What a title says where they are only a sample, and their places (n, 2) [m].
+    """
     from matplotlib.collections import EllipseCollection, LineCollection
 
     keys = trajectories[["episode", "robot_index"]].to_numpy()
@@ -254,7 +264,8 @@ def _draw_paths(ax: "Axes", trajectories: "pd.DataFrame", outcomes: Mapping[Any,
     place: dict[str, Any] = {"offsets": ends, "offset_transform": ax.transData, "units": "xy", "zorder": 3}
     size = 2.0 * radius_m
     ax.add_collection(EllipseCollection(size, size, 0.0, facecolors="none", edgecolors=colours, **place), autolim=False)
-    return f"\n{len(shown)} of {len(begins)} paths, taken evenly" if len(shown) < len(begins) else ""
+    says = f"\n{len(shown)} of {len(begins)} paths, taken evenly" if len(shown) < len(begins) else ""
+    return says, np.concatenate(lines or [ends])
 
 
 def _count(outcomes: dict[Any, str], name: str) -> int:

@@ -92,7 +92,7 @@ def write_joined(folder: Path) -> Path:
             claims, ``claims.csv``.
 
     Raises:
-        DescriptionError: there is no such folder or no study in it, or a study's files are not those of a report.
+        DescriptionError: there is no such directory or no study in it, or a study's files are not those of a report.
     """
     if not folder.is_dir():
         raise DescriptionError(f"join={folder}: there is no such directory")
@@ -214,9 +214,10 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
     ]
     links = [Link(f"{study.title}: its multiverse", f"{study.name}/{MULTIVERSE}/report.md") for study in asked]
     text = (
-        "Each claim again, in many reconstructions of what its paper leaves open: *robust* claims hold in 95 % of them "
-        "or more, *contradicted* ones in 5 % or less, those *out of reach* in none that was drawn; *open* ones depend "
-        "on what is not printed, and the reports say on what."
+        "The claims again, as far as reconstructions can be asked, with a few questions of our own that they can "
+        "answer, in many reconstructions of what a paper leaves open: *robust* claims hold in 95 % of them or more, "
+        "*contradicted* ones in 5 % or less, those *out of reach* in none that was drawn; *open* ones depend on what "
+        "is not printed, and the reports say on what."
     )
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
     table = _table(["study", *SHARE_VERDICTS], rows)

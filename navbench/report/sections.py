@@ -69,7 +69,9 @@ def check_section(key: str, spec: Spec | str, trust: bool = False) -> Section:
         DescriptionError: there is no such section, or it does not; the message names what is allowed.
     """
     spec = named(spec)
-    name = str(spec.get("name"))
+    if "name" not in spec:
+        raise DescriptionError(f"{key}.name: missing; a section is named, such as {{name: summary}}")
+    name = str(spec["name"])
     if "." not in name and name not in SECTIONS:
         raise DescriptionError(
             f"{key}.name={name}: there is no such section; {instead(name, SECTIONS)}, or module.function"

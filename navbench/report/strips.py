@@ -78,7 +78,8 @@ def draw_trace(ax: "Axes", told: Drive, title: str, columns: Sequence[str]) -> N
         for color, name in zip(PALETTE, columns, strict=False):
             values = told.path[name].to_numpy(dtype=float)
             shown = np.degrees(values) if name.endswith(("_rad", "_radps")) else values
-            stairs(ax, t_s, shown, name, {"color": color, "linewidth": 1.0})
+            called = name.removesuffix("_rad").removesuffix("_radps")  # which are drawn in degrees
+            stairs(ax, t_s, shown, called, {"color": color, "linewidth": 1.0})
         ax.set_ylabel("" if title == columns[0] else title, fontsize=8)
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize=7)
     _finish_strip(ax, told)

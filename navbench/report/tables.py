@@ -92,14 +92,21 @@ def failures(episodes: "pd.DataFrame", at_most: int = 5) -> list[str]:
     """Return a line for each of the first robots that failed, or of which a metric failed: which, how and why."""
     episodes = driven(episodes)
     failed = episodes[(episodes["outcome"] != "reached") | (episodes["reason"] != "")]
+    names = [f" (R{i + 1})" if episodes["robot_index"].max() else "" for i in failed["robot_index"]]  # in pictures
     lines = [
         f"{row['controller']} in {row['world']}, seed {row['seed']}, episode {row['episode']}, robot "
-        f"{row['robot_index']}: {row['outcome']} after {row['time_s']:.2f} s"
-        + (f" ({row['reason']})" if row["reason"] else "")
-        for row in failed.head(at_most).to_dict("records")
+        f"{row['robot_index']}{name}: {row['outcome']} after {row['time_s']:.2f} s"
+        + (f" ({_reason(row)})" if row["reason"] else "")
+        for row, name in zip(failed.head(at_most).to_dict("records"), names, strict=False)
     ]
     more = len(failed) - at_most
     return [*lines, f"... and {more} more"] if more > 0 else lines
+
+
+def _reason(row: Mapping[Any, Any]) -> str:
+    """Return why a robot failed, other robots named as in pictures."""
+    reason, index = str(row["reason"]), row["hit_index"]
+    return reason.replace(f"robot {index}", f"R{index + 1}") if row["hit"] == "robot" else reason
 
 
 def summary(page: Page) -> Blocks:

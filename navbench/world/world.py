@@ -1,5 +1,6 @@
 """A world: its name, a source of layouts, when a robot has arrived, and when an episode ends."""
 
+import math
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -64,6 +65,21 @@ class World:
     def fastest_mps(self) -> float:
         """The largest speed of any mover, as far as the source says so [m/s]."""
         return float(getattr(self.source, "fastest_mps", 0.0))
+
+    def check_starts(self) -> None:
+        """Check that no robot begins at its goal, as far as the layout is known: it would succeed without driving.
+
+        Raises:
+            DescriptionError: one does.
+        """
+        if not isinstance(self.source, Layout) or self.source.finish_line is not None:
+            return
+        for i, (start, goal) in enumerate(zip(self.source.starts, self.source.goals, strict=True)):
+            if math.hypot(start.x_m - goal.x_m, start.y_m - goal.y_m) <= self.goal_tolerance_m:
+                raise DescriptionError(
+                    f"world.starts[{i}]: ({start.x_m}, {start.y_m}) must lie further from its goal than "
+                    f"world.goal_tolerance_m={self.goal_tolerance_m}"
+                )
 
     def check_fits(self, radius_m: float) -> None:
         """Check that a robot is not too large, as far as the source can tell before it draws.

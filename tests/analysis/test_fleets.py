@@ -393,6 +393,7 @@ def test_the_fleet_table_has_shares_of_fleets_and_robots_means_and_contacts(tmp_
     assert math.isnan(other["makespan_s"])
     assert "| Fig 1 | B | 0.000 [" in text
     assert "| 21.0 | 36.0 | 4 | 1 | 2 | 1 |" in text
+    assert "makespan [s] | sum of times [s]" in text
     assert "| – | – | 0 | 0 | 0 | 2 |" in text
 
 

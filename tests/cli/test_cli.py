@@ -127,6 +127,19 @@ WRONG = [
     ((*GO, "controller.build.speed_mps=true"), "controller.build.speed_mps=True: must be a valid number"),
     ((*GO, "controller.build.speed_mps=null"), "controller.build.speed_mps=None: must be a valid number"),
     (("controller=sflc", "controller.build.turn_peaks_radps.NL=abc"), "build.turn_peaks_radps.NL='abc': must be a"),
+    # words that speak against each other
+    ((*GO, "world=corner"), "world=corner: world=empty is there, too; a sweep is -m world=empty,corner\n"),
+    ((*GO, "episode=3", "episodes=5"), "episode=3: runs it alone; leave out episodes=5\n"),
+    ((*GO, "resume=x"), "resume=x: must be other-code\n"),
+    (("tune",), "tune: name a controller, such as controller=pid\n"),
+    (("tune", "tuner=pso"), "tune: name a controller, such as controller=pid\n"),
+    (("report", "results", "--trsut"), "--trsut: unknown flag; did you mean --trust? allowed: --trust, "),
+    (("report", "join="), "join=: must name a directory\n"),
+    (("study", "smoke", "foo=1"), "foo=1: unknown key; allowed with a study: engine, workers, simulator, reconstr"),
+    (("multiverse", "aouf2019", "tuned=nowhere"), "tuned=nowhere: there is no such directory\n"),
+    (("multiverse", "aouf2019", "n=16"), "n=16: must be a multiple of 128, so that each of the 16 samples has as m"),
+    (("controller=gr\udcc3\udcb6", "world=empty"), "cannot be read in this locale; set PYTHONUTF8=1\n"),
+    ((*GO, "world.starts=[{x_m: -1.2, y_m: -1.18}]"), "world.starts[0]: (-1.2, -1.18) must lie further from its goal"),
     # ranges
     ((*GO, "episodes=0"), "episodes=0: must be from 1 to 1000000"),
     ((*GO, "episodes=1000000000000"), "episodes=1000000000000: must be from 1 to 1000000"),
@@ -180,10 +193,10 @@ WRONG = [
     (("nonsense",), "nonsense: unknown verb; allowed: list", "key=value"),
     ((*GO, "nonsense"), "nonsense: cannot be read; a word is key=value"),
     ((*GO, "world.boxes=["), "world.boxes=[: cannot be read"),
-    ((*GO, "--config-dir", "nope"), "--config-dir=nope: there is no such folder"),
-    ((*GO, "--config-dir=nope"), "--config-dir=nope: there is no such folder"),
+    ((*GO, "--config-dir", "nope"), "--config-dir=nope: there is no such directory"),
+    ((*GO, "--config-dir=nope"), "--config-dir=nope: there is no such directory"),
     ((*GO, "--config-dir"), "--config-dir/-cd: expected one argument"),
-    ((*GO, "--config-name=nope"), "--config-name=nope: unknown flag; allowed: --config-dir, --multirun, --cfg, "),
+    ((*GO, "--config-name=nope"), "--config-name=nope: unknown flag; did you mean --config-dir? allowed: --config-dir, "),
     ((*GO, "--resolve"), "--resolve"),
     ((*GO, "hydra.searchpath=[file:///nope]"), "hydra.searchpath: unknown key", "hydra.run.dir"),
     ((*GO, "hydra.run.dir=new/${nope}"), "hydra.run.dir", "'nope' not found"),
@@ -206,7 +219,7 @@ WRONG = [
     ((*GO, "world.boxes=[{x_m: 1.0, y_m: 1.0, length_m: 0.2, width_m: 0.2}, {length_m: long}]"),
      "world.boxes[1].length_m='long': must be a number"),
     (("list", "nope"), "list nope: unknown group; there are: controller, world, "),
-    (("list", "--config-dir", "nope"), "--config-dir=nope: there is no such folder"),
+    (("list", "--config-dir", "nope"), "--config-dir=nope: there is no such directory"),
     (("list", "--config-dir"), "--config-dir/-cd: expected one argument"),
 ]  # fmt: skip
 
@@ -683,7 +696,7 @@ def test_the_python_interface_refuses_with_a_value_error_that_is_one_line(words:
 
 
 def test_the_python_interface_refuses_a_folder_that_is_missing(tmp_path: Path) -> None:
-    with pytest.raises(DescriptionError, match="nope: there is no such folder"):
+    with pytest.raises(DescriptionError, match="nope: there is no such directory"):
         navbench.run(config_dir=str(tmp_path / "nope"))
 
 

@@ -213,7 +213,7 @@ def test_a_result_draws_an_episode_and_writes_a_report(tmp_path: Path) -> None:
     assert (tmp_path / "episode.png").stat().st_size > 10_000
     with pytest.raises(DescriptionError, match="2 cells; choose one by"):
         ran.plot()
-    with pytest.raises(DescriptionError, match="episode=7: there is no such episode; episodes 0 to 1"):
+    with pytest.raises(DescriptionError, match="episode=7: there is no such episode; there are episodes 0 to 1"):
         ran.plot(7, label="sflc")
     with pytest.raises(DescriptionError, match="labl=sflc: unknown key; did you mean label"):
         ran.plot(labl="sflc")

@@ -233,8 +233,8 @@ def test_a_simulator_s_window_shows_what_was_driven_until_it_is_closed(
 REFUSED = [
     (("speed=0",), "speed=0: must be a number from 0.01 to 1000"),
     (("speed=fast",), "speed=fast: must be a number"),
-    (("episode=9",), "episode=9: there is no such episode; episodes 0 to 1"),
-    (("robot=1",), "robot=1: there is no such robot; robots 0"),
+    (("episode=9",), "episode=9: there is no such episode; there are episodes 0 to 1"),
+    (("robot=1",), "robot=1: there is no such robot; there is only robot 0"),
     (("controller=pid",), "controller=pid: there is no such cell; there are: sflc"),
     (("epsode=1",), "epsode=1: unknown key; did you mean episode?"),
     (("--video", "out.avi"), "--video out.avi: must end in .mp4 or .gif"),

@@ -47,6 +47,10 @@ def test_what_takes_too_long_ends_with_a_reason(steps: Steps, reason: str) -> No
         in_processes(_take, [steps], workers=1)
 
 
+def test_a_step_may_wait_ten_times_as_long_as_it_may_compute_and_an_episode_take_twenty_times() -> None:
+    assert (timeout.CLOCK_STEPS, timeout.EPISODE_STEPS) == (10.0, 20.0)  # as the pages say
+
+
 def test_many_steps_may_take_longer_than_one() -> None:
     assert in_processes(_take, [Steps(0.5, 8, 0.1, 0.2, clock=2.0)], workers=1) == ["done"]
 

@@ -10,7 +10,9 @@ CLUSTERS = {"dask": "distributed", "ray": "ray", "slurm": "submitit"}
 
 
 @pytest.mark.parametrize(("engine", "package"), CLUSTERS.items())
-@pytest.mark.parametrize("verb", [("controller=sflc",), ("tune",), ("study", "aouf2019"), ("multiverse", "aouf2019")])
+@pytest.mark.parametrize(
+    "verb", [("controller=sflc",), ("tune", "controller=pid"), ("study", "aouf2019"), ("multiverse", "aouf2019")]
+)
 def test_an_engine_that_is_not_installed_is_named_with_its_extra(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str, package: str, verb: tuple[str, ...]
 ) -> None:

@@ -1,5 +1,6 @@
 """Isolation: whatever a controller does costs its own episodes, with a reason, and the rest is as if it were not."""
 
+import errno
 import os
 import random
 from pathlib import Path
@@ -12,12 +13,14 @@ from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
 from navbench.episode.isolation import WIPE_ON_FORK, Isolation
 from navbench.experiments.crew import Crew, Task
+from navbench.experiments.engines import in_processes
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import Ran, run_plan
-from navbench.experiments.workers import Death
+from navbench.experiments.workers import Death, MachineError
+from navbench.validation import DescriptionError
 
 CODE = """
-import asyncio, ctypes, math, os, random, signal, subprocess, time
+import asyncio, ctypes, math, os, random, resource, signal, subprocess, time
 import numba
 import numpy as np
 from navbench.metrics import metric
@@ -39,6 +42,9 @@ class Drawing(CompiledController):
     def make_policy(self, setup): return Policy(step=draw, trace_names=("drawn",))
 
 
+held = []
+
+
 class Mute(Exception):
     def __str__(self):
         raise ValueError
@@ -57,6 +63,14 @@ def fail(how):
     if how == "spins in C": math.factorial(10**8)
     if how == "forks": os.fork()
     if how == "forks unseen": ctypes.CDLL(None).fork()
+    if how == "opens files":
+        resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100))
+        held.extend(open(os.devnull) for _ in range(300))
+    if how == "times itself":
+        signal.signal(signal.SIGALRM, lambda *_: None)
+        signal.setitimer(signal.ITIMER_REAL, 0.5)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        time.sleep(3600)
 
 
 @metric("chance", "", "", "what a metric draws itself")
@@ -173,6 +187,39 @@ def test_a_batch_that_was_killed_is_missing_and_the_others_are_kept(own: Path) -
     assert (ran.finished, ran.planned) == (5, 10)
     assert ran.reasons == ("mine in empty: machine_error: its process died of SIGKILL",)
     assert list(ran.results.episodes()["episode"]) == list(range(5, 10))
+
+
+def test_a_controller_that_uses_the_clocks_signal_itself_is_timed_all_the_same(own: Path) -> None:
+    failed = doomed_rows(run_it(own, "times itself", "controller_timeout_s=0.1"))
+    assert set(failed["reason"]) == {"a step waited longer than controller_timeout_s allows"}
+    assert all("in fail" in said for said in failed["traceback"])
+
+
+def test_files_that_a_controller_leaves_open_cost_its_own_episodes(own: Path, command: Command) -> None:
+    words = ["--config-dir", str(own / "conf"), "hydra.sweep.dir=results", "workers=1", "world=empty,corner"]
+    how = "controller.build.how='opens files',nothing"
+    done = command("-m", WORDS[0], *WORDS[2:], *words, how, "controller.build.where=act")
+    assert done.code == 0, done
+    rows = pd.read_csv(own / "results/episodes.csv")
+    assert len(rows) == 16
+    failed = rows[rows["outcome"] == "controller_error"]
+    assert set(failed["episode"]) == DOOMED
+    assert set(failed["world"]) == {"empty"}
+    assert all("Too many open files" in reason for reason in failed["reason"])
+
+
+def run_out(number: int) -> None:
+    raise MemoryError if number == 0 else OSError(number, os.strerror(number))
+
+
+def test_a_process_that_has_no_room_for_more_is_not_used_again() -> None:
+    with pytest.raises(DescriptionError, match="^its process ran out of files: .*Too many open files"):
+        in_processes(run_out, [errno.EMFILE], workers=1)
+    for number in (0, errno.ENOMEM, errno.EAGAIN):
+        with pytest.raises(MachineError, match="machine_error: its process ran out of memory, files or processes"):
+            in_processes(run_out, [number], workers=1)
+    with pytest.raises(OSError, match="No space left on device"):  # of which the command says what is kept
+        in_processes(run_out, [errno.ENOSPC], workers=1)
 
 
 def test_every_episode_begins_in_the_users_folder(own: Path) -> None:

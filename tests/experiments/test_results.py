@@ -282,6 +282,11 @@ def test_failures_are_named_with_their_reasons_and_counted(mixed: pd.DataFrame) 
     ]
 
 
+def test_a_failure_names_the_robots_of_a_fleet_as_pictures_do(mixed: pd.DataFrame) -> None:
+    hit = mixed.assign(robot_index=1, outcome="collided", hit="robot", hit_index=2, reason="hit robot 2")
+    assert failures(hit, at_most=1)[0].endswith(" robot 1 (R2): collided after 10.00 s (hit R3)")
+
+
 # Nothing is half written
 
 

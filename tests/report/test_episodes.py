@@ -150,6 +150,26 @@ def test_a_picture_of_one_robot_tells_how_it_ended_what_it_hit_and_what_was_acti
     assert len(v.patches) == 2  # each behaviour is active once
 
 
+@pytest.mark.parametrize(
+    ("native", "said"),
+    [
+        (None, ""),
+        ({"radius_m": 0.5, "wheel_speed_max_mps": 0.25}, ", in the controller's own units: of a robot of radius 0.5 m"),
+    ],
+)
+def test_a_trace_says_when_it_is_in_the_units_of_another_robot(
+    tmp_path: Path, native: dict[str, float] | None, said: str
+) -> None:
+    cell = a_cell("A")
+    cell.configuration["controller"]["native"] = {"period_s": 0.1, **({"robot": native} if native else {})}
+    drive = a_drive([0.5] * 3, "timed_out", turn_rad=[0.0, math.pi, 0.0])
+    stored = store(tmp_path, [(cell, [drive])])
+    *_, trace = draw_episode(stored, stored.manifest["cells"][0]["run_id"], 0).axes
+    assert trace.get_title(loc="left") == (f"trace{said}" if said else "")
+    assert (legend_of(trace), trace.get_ylabel()) == (["turn"], "[degrees]")
+    assert max(np.asarray(trace.lines[0].get_ydata(), dtype=float)) == 180.0
+
+
 def test_movers_are_drawn_where_they_are_at_the_time_marks_and_at_the_end(tmp_path: Path) -> None:
     far = [(1.0 + 2.0 * i, 5.0) for i in range(5)]
     near = [(19.0 - 2.0 * i, 5.0) for i in range(4)]

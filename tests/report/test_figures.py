@@ -222,6 +222,15 @@ def test_a_panel_of_very_many_paths_shows_an_even_sample_and_its_title_says_so(
     assert legend_of(ax)[0] == f"reached: {count - (count + 6) // 10}"
 
 
+def test_a_panel_reaches_as_far_as_its_paths(tmp_path: Path) -> None:
+    cell, world, episodes, trajectories = a_panel(tmp_path, 3)
+    (within,) = draw_cells([(cell, world, episodes, trajectories)]).axes
+    away = trajectories.assign(x_m=trajectories["x_m"] + 50.0)
+    (beyond,) = draw_cells([(cell, world, episodes, away)]).axes
+    assert beyond.get_xlim()[1] >= away["x_m"].max() > within.get_xlim()[1]
+    assert beyond.get_xlim()[0] <= within.get_xlim()[0]
+
+
 def legend_of(ax: Axes) -> list[str]:
     legend = ax.get_legend()
     assert legend

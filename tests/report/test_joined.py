@@ -169,7 +169,7 @@ def test_a_table_of_shares_that_was_meddled_with_is_refused(text: str, said: str
         (["join=empty"], "join=empty: no study's report in it"),
         (["join=results", "out=elsewhere"], "join=results: stands alone"),
         (["join=results", "results"], "join=results: stands alone"),
-        (["join="], "join=: unknown key"),
+        (["join="], "join=: must name a directory"),
         (
             ["joined=results"],
             "joined=results: unknown key; did you mean join? allowed with report, each as KEY=DIR: out, join",

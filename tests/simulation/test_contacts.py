@@ -119,6 +119,13 @@ def test_blocked_contacts_are_counted_again_after_a_break_each_by_its_own_kind()
     assert counted(standing) == (2, 2, 2)
 
 
+def test_a_contact_ends_with_a_gap_of_a_ten_thousandth_of_a_radius() -> None:
+    commands = [(1.0, 0.0)] * 30 + [(-0.001, 0.0)] + [(1.0, 0.0)] * 5  # 0.05 mm away from the wall, and back
+    wall = Wall(x1_m=1.6, y1_m=-9.0, x2_m=1.6, y2_m=9.0, thickness_m=0.1)
+    record = run_one(a_world(walls=(wall,)), schedule(commands, 0.05), options=BLOCK)
+    assert counted(record) == (2, 0, 0)
+
+
 def test_an_unbroken_push_is_one_contact_of_the_one_that_is_pushed_too() -> None:
     world = a_world(starts=starts((0, 0, 0), (3, 0, 0)))
     records = run(world, [always(0.7), always(0.0)], options=BLOCK)

@@ -457,7 +457,7 @@ WRONG_PARTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"discs": {**ROUND, "count": [-1, 2]}}, ["discs.count[0]=-1", "or equal to 0"]),
     ({"movers": {**WANDER, "count": [1, 1001]}}, ["movers.count[1]=1001", "less than or equal to 1000"]),
     ({"polygons": {**EDGED, "corners": [3, 101]}}, ["polygons.corners[1]=101", "less than or equal to 100"]),
-    ({"discs": {**ROUND, "count": [1.0, 2.5]}}, ["discs.count", "integer"]),
+    ({"discs": {**ROUND, "count": [1.0, 2.5]}}, ["discs.count", "whole number"]),
     ({"discs": {**ROUND, "radius_m": [0.0, 1.0]}}, ["discs.radius_m[0]=0.0", "equal to 0.000001"]),
     ({"polygons": {**EDGED, "radius_m": [1e-17, 1.0]}}, ["polygons.radius_m[0]=1e-17", "equal to 0.000001"]),
     ({"polygons": {**EDGED, "corners": [2, 4]}}, ["polygons.corners[0]=2", "greater than or equal to 3"]),

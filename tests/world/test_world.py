@@ -137,7 +137,7 @@ def test_a_wall_between_equal_points_is_refused_by_its_place_in_the_world() -> N
         (SimulatorOptions, {"motor_lag_s": -0.1}, ["motor_lag_s", "-0.1", "greater than or equal to 0"]),
         (SimulatorOptions, {"command_delay": 0.1}, ["command_delay", "unknown", "command_delay_s"]),
         (Sensors, {"drawn_for_radius_m": 1.0, "max_range_m": 1.0, "rays": 0}, ["rays", "0", "greater"]),
-        (Sensors, {"drawn_for_radius_m": 1.0, "max_range_m": 1.0, "rays": 1.5}, ["rays", "1.5", "integer"]),
+        (Sensors, {"drawn_for_radius_m": 1.0, "max_range_m": 1.0, "rays": 1.5}, ["rays", "1.5", "a whole number"]),
         (Sensors, {"drawn_for_radius_m": 1.0, "max_range_m": 1.0, "dropout_probability": 1.1}, ["1.1", "less than"]),
         (Sensors, {"drawn_for_radius_m": 1.0, "max_range_m": 1.0, "cone_half_angle_rad": 4.0}, ["4.0", "less than"]),
     ],

@@ -2,10 +2,10 @@
 
 import asyncio
 import os
-import signal
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache
 from typing import Any, ClassVar
 from uuid import uuid4
@@ -14,7 +14,7 @@ from pydantic.dataclasses import dataclass
 
 from navbench.experiments import remote
 from navbench.experiments.crew import Task
-from navbench.experiments.workers import Death, MachineError, begun
+from navbench.experiments.workers import Death, MachineError, begun, uninterrupted
 from navbench.raised import one_line
 from navbench.validation import STRICT, DescriptionError, NotInstalledError
 
@@ -102,19 +102,6 @@ class _Dask:
             raise MachineError(Death("dask: its scheduler is gone", by_machine=True))
 
 
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C, which is for this process alone, not reach those that begin meanwhile."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 @cache
 def _client(address: str | None, workers: int | None) -> Client:
     """Return a connection, which lasts as long as this process."""
@@ -122,13 +109,14 @@ def _client(address: str | None, workers: int | None) -> Client:
         workers = workers or os.cpu_count() or 1
         options = {"threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0, "silence_logs": "CRITICAL"}
         try:
-            with _uninterrupted():
+            with uninterrupted():
                 return Client(LocalCluster(n_workers=workers, **options))
         except (OSError, RuntimeError) as error:  # one of its processes was killed meanwhile
             raise MachineError(Death(f"dask cannot be started: {one_line(error)}", by_machine=True)) from None
     said = "no dask scheduler answers there"
     try:
-        asyncio.run(asyncio.wait_for(_greet(address), REACHED_S))  # a client would wait for good for who says nothing
+        with ThreadPoolExecutor(1) as thread:  # this one may have a loop of its own, as in a notebook
+            thread.submit(asyncio.run, _greet(address)).result()
         client = Client(address, timeout=REACHED_S)
         said = "the dask scheduler there has no worker"
         client.wait_for_workers(1, timeout=REACHED_S)
@@ -140,6 +128,10 @@ def _client(address: str | None, workers: int | None) -> Client:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a scheduler, and take leave."""
-    comm = await connect(address, timeout=REACHED_S)
-    await comm.close()
+    """Connect to a scheduler, and take leave: a client would wait for good for one that says nothing."""
+
+    async def greet() -> None:
+        comm = await connect(address, timeout=REACHED_S)
+        await comm.close()
+
+    await asyncio.wait_for(greet(), REACHED_S)
