@@ -196,7 +196,7 @@ WRONG = [
     ((*GO, "--config-dir", "nope"), "--config-dir=nope: there is no such directory"),
     ((*GO, "--config-dir=nope"), "--config-dir=nope: there is no such directory"),
     ((*GO, "--config-dir"), "--config-dir/-cd: expected one argument"),
-    ((*GO, "--config-name=nope"), "--config-name=nope: unknown flag; did you mean --config-dir? allowed: --config-dir, "),
+    ((*GO, "--config-name=nope"), "--config-name=nope: unknown flag; did you mean --config-dir? allowed: "),
     ((*GO, "--resolve"), "--resolve"),
     ((*GO, "hydra.searchpath=[file:///nope]"), "hydra.searchpath: unknown key", "hydra.run.dir"),
     ((*GO, "hydra.run.dir=new/${nope}"), "hydra.run.dir", "'nope' not found"),

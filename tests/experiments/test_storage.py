@@ -300,7 +300,7 @@ def test_a_file_that_a_full_disk_does_not_take_is_named_and_nothing_of_it_is_lef
 ) -> None:
     monkeypatch.setattr(Path, "write_bytes", full)
     done = command(*GO, "workers=0", "episodes=30", "hydra.run.dir=here")
-    assert (done.code, done.out) == (2, "")
+    assert (done.code, done.out) == (3, "")
     assert done.err == "navbench: here/manifest.json: No space left on device; nothing is kept\n"
     assert not [file for file in tmp_path.rglob("*") if file.is_file()]
     monkeypatch.undo()
