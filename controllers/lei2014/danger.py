@@ -119,7 +119,7 @@ def add_danger(
         where: the obstacle's sector, not ``ASIDE``.
         ddcfc: ``FuzzyInference.base`` of ``danger_controller``.
         thresholds: R_rob [m], T [s], D_s [m], how far the front and the sides reach [rad]; 1, or 0 if the collision
-            time counts as infinite; what follows is not read.
+            time counts as infinite; one that is not read; the peaks of DB and of TB; that of S.
         way: from the robot's centre to the obstacle's, x and y [m].
         radius_m: the obstacle's.
         velocity: the obstacle's less the robot's, vx and vy [m/s].
@@ -130,6 +130,8 @@ def add_danger(
     closing = thresholds[5] > 0.0 and dx * vx + dy * vy < 0.0
     t_c = collision_time(free_m, math.hypot(vx, vy) if closing else 0.0, closing)
     work[0], work[1] = distance_factor(free_m, thresholds[2]), time_factor(t_c, thresholds[1])
+    if work[0] >= thresholds[7] and work[1] >= thresholds[8] and thresholds[9] <= largest[where]:
+        return  # of Table 1 the last rule alone starts, whose S raises nothing
     infer(ddcfc, work, work[2:])  # eq. (8)
     if work[2] > largest[where] or math.isnan(work[2]):
         largest[where] = work[2]  # definition 7

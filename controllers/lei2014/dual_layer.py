@@ -141,7 +141,8 @@ class DualLayer(CompiledController):
         checked_sets, self.ddcfc, self.vfc = _layers(rules, speed_max_mps, turn_max_radps, sets)
         self._obstacle_speed_max_mps = obstacle_speed_max_mps
         sectors = checked_sets.front_rad, checked_sets.side_rad
-        self._thresholds = (safety_distance_m, *sectors, velocity_aware, w_turns_right)
+        last = checked_sets.eta_d_peaks["DB"], checked_sets.eta_t_peaks["TB"], checked_sets.danger_peaks["S"]
+        self._thresholds = (safety_distance_m, *sectors, velocity_aware, w_turns_right, *last)
 
     def make_policy(self, setup: Setup) -> Policy:
         """Return the policy for a robot and its ring, with no scan remembered."""

@@ -81,6 +81,9 @@ def failure(error: BaseException, act: object = None) -> Failure:
     return Failure(one_line(error), storable("".join(lines)))
 
 
+PLAIN = (float, int)  # whose values are kept as they are
+
+
 def measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str, float], list[Failure]]:
     """Return each metric's value by its name, nan where it could not be computed, and why."""
     values: dict[str, float] = {}
@@ -89,9 +92,11 @@ def measured(metrics: Sequence[MetricFunction], run: RobotRun) -> tuple[dict[str
         name = function.__dict__["metric"].name
         try:
             value = function(run)
-            if not isinstance(value, int | float | Real):
-                raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
-            values[name] = value if type(value) is int else float(value)
+            if type(value) not in PLAIN:
+                if not isinstance(value, Real):
+                    raise ContractError(f"must return a number; it returned {reprlib.repr(value)}")
+                value = float(value)
+            values[name] = value
         except BaseException as error:  # a user's code may raise anything; it costs this value, no more
             let_interrupt(error)
             fault = failure(error, function)

@@ -343,7 +343,8 @@ class EpisodeRunner:
         robot = RobotState(*self.simulator.robots[index].item())
         *_, v, w = pilot.states[-1] if len(pilot.states) else (0.0, 0.0)
         end = (pilot.end_s, robot.x_m, robot.y_m, robot.heading_rad, v, w)
-        states = np.concatenate([pilot.states, [end]])
+        states = np.empty((len(pilot.states) + 1, 6))
+        states[:-1], states[-1] = pilot.states, end
         names = pilot.trace_names or ()
         traces = np.full((len(states), len(names)), np.nan)
         if names:

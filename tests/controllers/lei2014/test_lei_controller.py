@@ -217,6 +217,27 @@ def test_the_relative_velocity_counts_in_full_not_only_along_the_line_of_sight()
     assert dangers(controller, see(crossing))[1] == expected
 
 
+@pytest.mark.parametrize("smallest", [0.0, 0.1])
+def test_the_danger_of_a_sector_is_the_largest_of_its_obstacles_near_and_far(smallest: float) -> None:
+    controller = make(sets={"danger_peaks": {"S": smallest, "M": 0.5, "B": 1.0}})
+    rng, beyond = np.random.default_rng(5), 0
+    for _ in range(200):
+        discs = [(*rng.uniform(-6.0, 6.0, 2), 0.25, *rng.uniform(-0.5, 0.5, 2)) for _ in range(3)]
+        expected = [0.0, 0.0, 0.0]
+        for x, y, radius_m, vx, vy in discs:
+            where = lei2014.sector(-math.atan2(y, x), math.radians(30.0), math.radians(90.0))
+            if where == ASIDE:
+                continue
+            free_m = max(math.hypot(x, y) - RADIUS_M - radius_m, 0.0)
+            closing = x * (vx - SPEED_MPS) + y * vy < 0.0
+            t_c = free_m / math.hypot(vx - SPEED_MPS, vy) if closing else math.inf
+            found = controller.ddcfc(free_m / SAFETY_M, t_c / PERIOD_S)[0]
+            expected[where] = max(expected[where], found)
+            beyond += found == smallest
+        assert dangers(controller, see(*discs)) == pytest.approx(tuple(expected), abs=1e-12)
+    assert 50 < beyond < 400
+
+
 def test_what_draws_away_or_keeps_pace_is_as_dangerous_as_its_distance_alone() -> None:
     controller = make()
     by_distance = controller.ddcfc(0.5 / SAFETY_M, math.inf)[0]
