@@ -50,7 +50,7 @@ COMMANDS: Mapping[str, Sequence[str]] = {
     "run": ("controller=sflc", *DRIVE, "episodes=30", "hydra.run.dir=out"),
     "sweep": ("-m", "controller=sflc,pid", *DRIVE, "episodes=15", "hydra.sweep.dir=out"),
     "study": ("study", "smoke", "workers=2"),
-    "tune": ("tune", "tuner=pso", "world=deadlock", "budget=30", "workers=2", "hydra.run.dir=out"),
+    "tune": ("tune", "controller=pid", "tuner=pso", "world=deadlock", "budget=30", "workers=2", "hydra.run.dir=out"),
     "multiverse": (*("multiverse", "tiny", "n=256", "decide=64", "search=32"), *("workers=2", "--config-dir", "conf")),
 }
 WHEN = ("began", "ended", "resumed", "seal")  # in a manifest: what follows from the time
