@@ -18,6 +18,7 @@ FORMS = {
 }
 
 COUNTED = ("count", "held", "share")
+RARE = "rare"  # an interval, and the count of cases where the decimals show none
 
 Cell: TypeAlias = Any  # a word, a number, a figure with its interval (value, low, high, n), or None where there is none
 
@@ -36,7 +37,7 @@ def words(cell: Cell, show: str = "interval", decimals: int | None = None, signe
 
     Args:
         cell: the entry.
-        show: for a figure with its interval, a key of ``FORMS``; an interval without width is left out.
+        show: for a figure with its interval, a key of ``FORMS``; an interval without width is left out. Or ``rare``.
         decimals: of its numbers; None for four digits.
         signed: whether a plus stands before what is greater than 0.
     """
@@ -50,6 +51,8 @@ def words(cell: Cell, show: str = "interval", decimals: int | None = None, signe
     if math.isnan(value):
         return MISSING
     told = {name: number(x, decimals, signed) for name, x in (("value", value), ("low", low), ("high", high))}
+    if show == RARE:
+        show = "count" if told["low"] == told["high"] else "interval"
     form = FORMS["value" if show == "interval" and (low == high or math.isnan(low)) else show]
     if show in COUNTED:
         told["held"] = str(round(value * n))
@@ -132,7 +135,7 @@ class Column:
         name: what the CSV file calls it; empty for one that is only printed.
         unit: of its numbers.
         decimals: of its printed numbers; None for four digits.
-        show: how a figure with its interval is printed, a key of ``FORMS``; the CSV file holds all of it.
+        show: how a figure with its interval is printed, as for ``words``; the CSV file holds all of it.
         group: a heading above those of several columns.
     """
 

@@ -16,7 +16,7 @@ from navbench.analysis.multiverse import KIND, Multiverse
 from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, admissible_of, halves, shares_of, worth
 from navbench.experiments.store import write_table
 from navbench.mathematics.statistics import Estimate
-from navbench.report.document import Block, Column, Document, Heading, Link, Paragraph, Plot, Table
+from navbench.report.document import RARE, Block, Column, Document, Heading, Link, Paragraph, Plot, Table
 from navbench.report.figures import save_figure
 from navbench.report.reports import write_document
 from navbench.report.shares import VERDICTS, chart, curves, numbers, read_shares
@@ -24,6 +24,7 @@ from navbench.report.shares import VERDICTS, chart, curves, numbers, read_shares
 BEST = "best.json"
 SHARE = ["share", "share_low", "share_high", "share_n"]  # columns of a table of shares
 CURVES_MAX = 6  # claims of which the curve is drawn
+LISTED_MAX = 40  # characters of choices that a table lists; of longer ones it gives the number
 
 
 class Search(NamedTuple):
@@ -80,12 +81,10 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
     if curved := _curved(shares):
-        choices = {factor.name: factor.choices for factor in told.factors}
-        choices |= {choice["name"]: choice["values"] for choice in told.prior["choices"]}
-        save_figure(curves(told.drawn, curved, choices), out, "curves")
+        save_figure(curves(told.drawn, curved, _choices(told)), out, "curves")
         caption = (
-            "The share in which a claim holds over the range, or at each choice, of the value that tells most of it; "
-            "the dashed line is the share over all"
+            "The share in which a claim holds over the range, or at each choice, of the value on which it depends "
+            "most; the dashed line is the share over all"
         )
         plots.append(Plot("curves", caption))
     if best and any(best.printed):
@@ -124,10 +123,16 @@ def _point(told: Told, best: Fit) -> dict[str, Any]:
 def _together(best: Fit, search: Search) -> str:
     searched = f"a search of {search.evaluations} evaluations over {search.free} values finds"
     found = searched if search.evaluations else "the sample has"
+    held, placebos, predicts = int(best.holds.sum()), best.placebos, int(best.predicts.sum())
+    beaten = int((placebos < held).sum())
+    worth = "the reconstruction fits the paper better than chance"
+    if beaten < len(placebos):
+        worth = f"as many in {len(placebos) - beaten} of these, so that it fits the paper hardly better than chance"
     return (
-        f"In the best reconstruction that {found}, {best.holds.sum()} of {len(best.claims)} printed numbers hold "
-        f"at once; of placebo tables, with the same numbers permuted, {best.placebos.min()} to {best.placebos.max()}. "
-        f"Of those left out in turn, the reconstruction that meets the others best predicts {best.predicts.sum()}."
+        f"In the best reconstruction that {found}, {held} of {len(best.claims)} printed numbers hold at once; of "
+        f"{len(placebos)} placebo tables, with the same numbers permuted, {placebos.min()} to {placebos.max()}: "
+        f"{worth}. "
+        f"Of those left out in turn, the reconstruction that meets the others best predicts {predicts}."
     )
 
 
@@ -142,7 +147,9 @@ def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
         f"holding in none of {len(told.drawn.rows)}; {counts['open']} open, depending on what the paper does not "
         "print.",
         _together(told.best, told.search) if told.best else "No claim prints a number.",
-        f"The missing values that tell most of all verdicts together: {most}." if most else "No value tells of them.",
+        f"The missing values on which the verdicts of all claims together depend most: {most}."
+        if most
+        else "The verdicts depend on none of the missing values alone.",
     ]
     return [Paragraph(line) for line in lines]
 
@@ -154,9 +161,9 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
         Column("verdict", "verdict"),
         Column("here", "here"),
         Column("at best", "at_best"),
-        Column("share", "share", decimals=3),
-        Column("of admissible", "admissible", decimals=3),
-        Column("given the printed", "conditioned", decimals=3),
+        Column("share", "share", decimals=3, show=RARE),
+        Column("of admissible", "admissible", decimals=3, show=RARE),
+        Column("given the printed", "conditioned", decimals=3, show=RARE),
         Column("decided by", "decided"),
     ]
     rows = [
@@ -178,9 +185,26 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
         "that meets most printed numbers. A share is one of our prior: of the ranges and choices of everything that "
         "the paper leaves open, drawn independently. *Robust* and *contradicted* go by the bound of the interval "
         f"(95 % and 5 %), over admissible reconstructions where {CASES_MIN} or more are, else over all; *out of "
-        "reach* holds in none that was drawn or found. Of fewer cases no interval is told."
+        "reach* holds in none that was drawn or found. *Of admissible* is the share of those in which the paper's "
+        f"controllers do what it shows, see *How it was made*{_given(told, shares)}. Shares that the decimals do not "
+        f"show, and those of fewer than {CASES_MIN} cases, which have no interval, are counts. *Decided by* names the "
+        "missing value that most often turns an open claim when it alone is drawn anew, else the one on which it "
+        "depends most."
     )
     return [Heading("Claims"), Paragraph(text), Table("shares", columns, rows)]
+
+
+def _given(told: Told, shares: Sequence[Shares]) -> str:
+    """Return of which reconstructions the conditioned shares are, as the end of a sentence."""
+    conditioned = told.multiverse.conditioned
+    if conditioned is None:
+        return ""
+    n = next((one.conditioned.n for one in shares if one.conditioned is not None), 0)
+    names = ", ".join(conditioned.claims)
+    return (
+        f"; *given the printed* those {n} of them that measure within {conditioned.within} of what is printed for "
+        f"{names}, and nothing is said there of the claims that follow from these"
+    )
 
 
 def _other_priors(told: Told, shares: Sequence[Shares], out: Path) -> list[Block]:
@@ -189,10 +213,13 @@ def _other_priors(told: Told, shares: Sequence[Shares], out: Path) -> list[Block
     tables = {name: table for name, table in tables.items() if len(table)}
     if not tables:
         return []
-    columns = [Column("claim", "id"), Column("verdict", "verdict"), Column("share", "share", decimals=3)]
+    columns = [Column("claim", "id"), Column("verdict", "verdict"), Column("share", "share", decimals=3, show=RARE)]
     rows: list[list[Any]] = [[one.claim.name, one.verdict, one.all] for one in shares]
     for name, table in tables.items():
-        columns += [Column(f"{name}: verdict", f"{name}_verdict"), Column("share", f"{name}_share", decimals=3)]
+        columns += [
+            Column(f"{name}: verdict", f"{name}_verdict"),
+            Column("share", f"{name}_share", decimals=3, show=RARE),
+        ]
         for row in rows:
             its = table.loc[row[0]] if row[0] in table.index else None
             row += [None, None] if its is None else [its["verdict"], Estimate(*its[SHARE])]
@@ -235,12 +262,12 @@ def _fitted(told: Told) -> list[Block]:
 def _deciding(shares: Sequence[Shares]) -> list[Block]:
     columns = [
         Column("claim", "id"),
-        Column("redrawing this alone turns it", "decided_by"),
+        Column("redrawn alone, turns it most often", "decided_by"),
         Column("how often", "flips", decimals=2),
-        Column("tells most", "best_factor"),
+        Column("depends most on", "best_factor"),
         Column("bit", "bits", decimals=3),
         Column("by chance", "bits_chance", decimals=3),
-        Column("tell most together", "best_pair"),
+        Column("depends most on the pair", "best_pair"),
         Column("bit", "pair_bits", decimals=3),
         Column("associated among admissible", "associated"),
         Column("PAWN", "pawn", decimals=2),
@@ -258,10 +285,10 @@ def _deciding(shares: Sequence[Shares]) -> list[Block]:
         found = [associated, pawn and pawn.value, pawn and pawn.p95, one.without_case, one.chaotic]
         rows.append([one.claim.name, decided, flips, factor, *told, *found])
     text = (
-        "How often drawing one value anew, and nothing else, turns a claim; how many bits a value, or two, tell of it "
-        "(mutual information, with what 95 % of permutations stay below); over admissible reconstructions only "
-        "association can be told (PAWN's index). *No case*: there is nothing to measure, as of a robot that does not "
-        "arrive; *chaotic*: starts within a millimetre differ by more than the tolerance."
+        "How often drawing one value anew, and nothing else, turns a claim; on which value, or two, it depends most, "
+        "in bits (mutual information of value and verdict, with what 95 % of permutations stay below); over admissible "
+        "reconstructions only association can be told (PAWN's index). *No case*: there is nothing to measure, as of a "
+        "robot that does not arrive; *chaotic*: starts within a millimetre differ by more than the tolerance."
     )
     return [Heading("What decides them"), Paragraph(text), Table("deciding", columns, rows)]
 
@@ -274,13 +301,17 @@ def _enough(share: Estimate | None) -> Estimate | None:
 
 
 def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
-    known = {factor.name: factor for factor in told.factors}
+    known, claims = {factor.name: factor for factor in told.factors}, {one.claim.name for one in shares}
+    choices = _choices(told)
     rows = []
     for name, bits in worth(shares, told.drawn):
         factor = known.get(name)
         source = next(iter(factor.members.values())) if factor else None
-        bounds = " to ".join(map(str, source.range)) if source and source.range else "choices"
-        rows.append([name, ", ".join(factor.things) if factor else None, bounds, factor and factor.kind, bits])
+        ends = choices[name] or (source and source.range) or ()
+        bounds = _listed(ends, "off" if factor else "unset") if choices[name] else " to ".join(map(str, ends))
+        asked = name.partition(".")[0]
+        kind = factor.kind if factor else "a reading of the claim" if asked in claims else "ours"
+        rows.append([name, ", ".join(factor.things) if factor else asked, bounds, kind, bits])
     columns = [
         Column("value", "factor"),
         Column("of", "things"),
@@ -288,8 +319,22 @@ def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
         Column("its source", "kind"),
         Column("bit, summed over the claims", "bits", decimals=3),
     ]
-    text = "What is drawn, and how much each tells of all claims; what chance alone would tell counts as nothing."
+    text = (
+        "What is drawn, and how much the verdicts of all claims depend on it; what does not exceed chance counts as "
+        "nothing. *A reading of the claim* is drawn with them: a threshold, or which of several measured rows it means."
+    )
     return [Heading("What the paper leaves open"), Paragraph(text), Table("factors", columns, rows)]
+
+
+def _choices(told: Told) -> dict[str, Sequence[Any]]:
+    """Return the choices of each value that has no range."""
+    choices: dict[str, Sequence[Any]] = {factor.name: factor.choices for factor in told.factors}
+    return choices | {choice["name"]: choice["values"] for choice in told.prior["choices"]}
+
+
+def _listed(choices: Sequence[Any], missing: str) -> str:
+    words = ", ".join(missing if choice is None else str(choice) for choice in choices)
+    return words if len(words) <= LISTED_MAX else f"{len(choices)} choices"
 
 
 def _admissible(told: Told) -> NDArray[np.bool_]:

@@ -1,6 +1,7 @@
 """A multiverse: shares and what decides them where the answer is known, stopped and gone on with, and wrong words."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,13 @@ def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor
     prior = json.loads((folder / "results/tiny/multiverse/prior.json").read_text())
     assert prior["factors"][0]["name"] == "go_to_goal.speed_mps"
     assert prior["factors"][0]["of"] == {"build.speed_mps": {"range": [LOW, HIGH]}}
+    report = (folder / "results/tiny/multiverse/report.md").read_text()
+    assert "| fast | it takes a second | out of reach | – | no | 0.000 [0.000, 0.028] | 0 of 128 |" in report
+    held, least, most, worth = re.findall(
+        r"(\d) of 3 printed numbers hold at once; of 20 placebo tables, with .*?, (\d) to (\d): (.*?)\.", report
+    )[0]
+    assert 0 <= int(least) <= int(most) <= 3
+    assert worth.endswith("fit the paper better than chance" if most < held else "hardly better than chance")
 
 
 def test_another_prior_stands_beside_the_study_s_own(command: Command, there: Path) -> None:

@@ -27,7 +27,7 @@ from navbench.records import CellKey, RobotRecord
 from navbench.report import latex, markdown
 from navbench.report.claims import findings, printed_table
 from navbench.report.comparison import comparison
-from navbench.report.document import Column, Document, Finding, Paragraph, Table, number, words
+from navbench.report.document import RARE, Column, Document, Finding, Paragraph, Table, number, words
 from navbench.report.drawing import thinned
 from navbench.report.figures import PALETTE, styles
 from navbench.report.outcomes import outcomes_table
@@ -474,6 +474,23 @@ def test_a_measured_figure_is_printed_in_several_forms(form: dict[str, Any], exp
 
 def test_an_interval_without_width_is_not_printed() -> None:
     assert words((0.5, 0.5, 0.5, 1), decimals=2) == "0.50"
+
+
+@pytest.mark.parametrize(
+    ("figure", "expected"),
+    [
+        ((0.25, 0.2, 0.3, 100), "0.250 [0.200, 0.300]"),
+        ((0.0004, 0.0002, 0.0006, 16384), "0.000 [0.000, 0.001]"),
+        ((2 / 16384, 0.0, 0.0003, 16384), "2 of 16384"),
+        ((0.0, 0.0, 0.0, 16384), "0 of 16384"),
+        ((16383 / 16384, 0.9997, 1.0, 16384), "16383 of 16384"),
+        ((0.25, math.nan, math.nan, 8), "2 of 8"),
+    ],
+)
+def test_a_rare_share_whose_decimals_say_nothing_is_printed_as_a_count(
+    figure: tuple[float, float, float, int], expected: str
+) -> None:
+    assert words(figure, show=RARE, decimals=3) == expected
 
 
 @pytest.mark.parametrize("say", ["{b}", "{a:furlongs}", "{a"])
