@@ -133,6 +133,11 @@ class Reconstructions:
     places: Places = field(default_factory=dict, repr=False, compare=False)
 
     @property
+    def foreign(self) -> frozenset[str]:
+        """What their cells run that is not navbench's own, by name."""
+        return frozenset().union(*(one.cell.foreign for one in self.cells))
+
+    @property
     def names(self) -> list[str]:
         """The names of all dimensions, factors first."""
         return [*(factor.name for factor in self.factors), *(choice.name for choice in self.choices)]

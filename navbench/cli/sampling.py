@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from functools import lru_cache
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -131,4 +132,6 @@ def _lost(block: Block, death: Death) -> dict[str, Any]:
     raise MachineError(death, what) if death.by_machine else DescriptionError(f"{what}{death.reason}")
 
 
-BLOCKS: Work[Block, dict[str, Any]] = Work(run_block, lambda block: [block], _lost, lambda done: done[0])
+BLOCKS: Work[Block, dict[str, Any]] = Work(
+    run_block, lambda block: [block], _lost, lambda done: done[0], attrgetter("of.foreign")
+)

@@ -6,6 +6,7 @@ same sample, with as many evaluations. Each is judged on the medians over more s
 
 from collections.abc import Callable
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -121,7 +122,8 @@ class Searches:
                 return self._tell(values)
         new = np.array([row for row in u if row.tobytes() not in self._known]).reshape(-1, u.shape[1])
         blocks = [Evaluation(self._of, new[k : k + AT_ONCE]) for k in range(0, len(new), AT_ONCE)]
-        for block, found in zip(blocks, in_processes(measured, blocks, workers=self._workers), strict=True):
+        done = in_processes(measured, blocks, self._workers, attrgetter("of.foreign"))
+        for block, found in zip(blocks, done, strict=True):
             self._known.update(zip(map(np.ndarray.tobytes, block.u), found, strict=True))
         values = np.array([self._known[row.tobytes()] for row in u])
         self._samples.write(name, self._columns(u, values))

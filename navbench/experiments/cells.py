@@ -8,12 +8,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from navbench.contract import Controller
 from navbench.episode.loop import EpisodeRunner
 from navbench.episode.similarity import Native
 from navbench.episode.starts import Jitter
+from navbench.experiments.code import foreign_of
 from navbench.experiments.engines import Work
 from navbench.experiments.workers import Death, MachineError, in_worker
 from navbench.metrics import METRICS, MetricFunction, declared
@@ -111,6 +113,15 @@ class Cell:
         """What makes one controller object; it can be sent to another process."""
         build = self.configuration["controller"]["build"]
         return partial(self.controller, **{name: value for name, value in build.items() if name != "_target_"})
+
+    @property
+    def foreign(self) -> frozenset[str]:
+        """What it runs that is not navbench's own, by name."""
+        return foreign_of(self.configuration) | {
+            f"{metric.__module__}.{metric.__qualname__}"
+            for metric in self.metrics
+            if not metric.__module__.startswith("navbench.")
+        }
 
     @property
     def indices(self) -> range:
@@ -278,7 +289,9 @@ def _join(parts: Sequence[Records | DescriptionError]) -> Records | DescriptionE
     return failed or [pair for part in parts if not isinstance(part, DescriptionError) for pair in part]
 
 
-EPISODES: Work[Batch, Records | DescriptionError] = Work(attempt_batch, _pieces, _lost, _join)
+EPISODES: Work[Batch, Records | DescriptionError] = Work(
+    attempt_batch, _pieces, _lost, _join, attrgetter("cell.foreign")
+)
 
 
 def digest(value: Any) -> str:

@@ -22,6 +22,11 @@ def roots_of(configuration: Any) -> tuple[str, ...]:
     return tuple(sorted({target.rpartition(".")[0] for target in _targets(configuration)}))
 
 
+def foreign_of(*configurations: Any) -> frozenset[str]:
+    """Return the classes that configurations name and that are not navbench's own."""
+    return frozenset(target for target in _targets(configurations) if not target.startswith("navbench."))
+
+
 def code_of(roots: Iterable[str]) -> dict[str, str]:
     """Return a digest of each module that decides what rows an episode gives, by its dotted name.
 

@@ -5,6 +5,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -83,7 +84,7 @@ def _repeats(cell: Cell, driven: Records) -> Finding:
     ways: dict[str, Callable[[], Records]] = {
         "run again": lambda: drive(cell),
         "in another order": lambda: drive(cell, back=True),
-        "in another process": lambda: in_processes(drive, [cell], workers=1)[0],
+        "in another process": lambda: in_processes(drive, [cell], 1, attrgetter("foreign"))[0],
     }
     apart = {way: found for way, run in ways.items() if (found := difference(driven, run()))}
     if not apart:

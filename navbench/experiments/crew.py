@@ -18,11 +18,14 @@ class Task(NamedTuple):
         do: a function; it and its argument can be sent to another process.
         argument: what it is called with.
         alone: whether in a process of its own, which does nothing else.
+        foreign: what it runs that is not navbench's own, by name: no process runs two such sets, since what one patches
+            or leaves behind would be the other's.
     """
 
     do: Callable[[Any], Any]
     argument: Any
     alone: bool = False
+    foreign: frozenset[str] = frozenset()
 
 
 class Crew:
@@ -47,7 +50,7 @@ class Crew:
             Exception: whatever the task raises.
         """
         try:
-            worker = Worker(self._begun) if task.alone else self._worker()
+            worker = Worker(self._begun) if task.alone else self._worker(task.foreign)
         except (EOFError, OSError) as error:  # what workers are forked from was killed, or there is no room for more
             return Death(f"its process could not be started: {one_line(error)}", by_machine=True)
         with self._lock:
@@ -77,15 +80,26 @@ class Crew:
         while self.idle:
             self.idle.pop().kill()
 
-    def _worker(self) -> Worker:
-        """Return a worker that has nothing to do, or a new one."""
+    def _worker(self, foreign: frozenset[str]) -> Worker:
+        """Return an idle worker that has run nothing else foreign, or a new one in the place of one that has."""
+        others: list[Worker] = []
+        found = None
         with suppress(IndexError):
-            while True:
+            while found is None:
                 worker = self.idle.pop()
-                if worker.alive and worker.begun == self._begun:
-                    return worker
-                worker.kill()
-        return Worker(self._begun)
+                if not worker.alive or worker.begun != self._begun:
+                    worker.kill()
+                elif worker.foreign in (frozenset(), foreign):
+                    found = worker
+                else:
+                    others.append(worker)
+        if found is None:
+            if others:
+                others.pop().kill()
+            found = Worker(self._begun)
+        self.idle += others
+        found.foreign = foreign
+        return found
 
 
 def end_workers() -> None:

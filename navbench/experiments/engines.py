@@ -37,12 +37,14 @@ class Work(NamedTuple, Generic[Batch, Result]):
         pieces: cuts a batch that keeps dying into smaller ones, in order.
         lost: the result of a piece whose process died, and of what; of a whole batch where it was killed from outside.
         join: puts the results of a batch's pieces together.
+        foreign: what a batch runs that is not navbench's own, see ``Task``.
     """
 
     do: Callable[[Batch], Result]
     pieces: Callable[[Batch], Sequence[Batch]]
     lost: Callable[[Batch, Death], Result]
     join: Callable[[Sequence[Result]], Result]
+    foreign: Callable[[Batch], frozenset[str]] = lambda _: frozenset()
 
 
 class Cluster(Protocol):
@@ -128,13 +130,19 @@ def start(modules: Sequence[str]) -> None:
     thread.join()
 
 
-def in_processes(do: Callable[[Batch], Result], items: Sequence[Batch], workers: int | None = None) -> list[Result]:
+def in_processes(
+    do: Callable[[Batch], Result],
+    items: Sequence[Batch],
+    workers: int | None = None,
+    foreign: Callable[[Batch], frozenset[str]] = lambda _: frozenset(),
+) -> list[Result]:
     """Return what ``do`` makes of each item, in order, as ``map`` does, but from several processes of this machine.
 
     Args:
         do: what to do; it and the items can be sent to another process.
         items: what to do it on.
         workers: processes, as in ``run``.
+        foreign: as of ``Work``.
 
     Raises:
         DescriptionError: a process died of an item.
@@ -146,7 +154,7 @@ def in_processes(do: Callable[[Batch], Result], items: Sequence[Batch], workers:
         said = f"{death.reason}, at its work on {str(item)[:100]}"
         raise MachineError(Death(said)) if death.by_machine else DescriptionError(said)
 
-    work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0])
+    work = Work(do, lambda item: [item], lost, lambda pieces: pieces[0], foreign)
     done = dict(run(work, items, workers=workers))
     return [done[index] for index in range(len(items))]
 
@@ -187,7 +195,7 @@ def _run_on(cluster: Cluster, work: Work[Any, Any], batches: Sequence[Any]) -> I
         turns = {next(numbers): todo.popleft() for _ in range(min(cluster.limit - len(under_way), len(todo)))}
         under_way |= turns
         if turns:
-            cluster.send({i: Task(work.do, turn.batch, turn.place is not None) for i, turn in turns.items()})
+            cluster.send({i: _task(work, turn) for i, turn in turns.items()})
         number, result = cluster.next()
         turn = under_way.pop(number)
         if isinstance(result, Death):
@@ -207,6 +215,10 @@ def _run_on(cluster: Cluster, work: Work[Any, Any], batches: Sequence[Any]) -> I
         done[turn.place] = result
         if len(done) == turn.of:
             yield turn.index, work.join([done[place] for place in range(turn.of)])
+
+
+def _task(work: Work[Any, Any], turn: _Turn) -> Task:
+    return Task(work.do, turn.batch, turn.place is not None, work.foreign(turn.batch))
 
 
 class _Threads:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from navbench.contract import Controller, FloatArray
@@ -145,4 +146,4 @@ def _join(parts: Sequence[list[_Driven]]) -> list[_Driven]:
     return [driven for part in parts for driven in part]
 
 
-EVALUATIONS: Work[_Part, list[_Driven]] = Work(_drive_part, _pieces, _lost, _join)
+EVALUATIONS: Work[_Part, list[_Driven]] = Work(_drive_part, _pieces, _lost, _join, attrgetter("tuning.foreign"))

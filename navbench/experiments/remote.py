@@ -34,6 +34,7 @@ class Packed(NamedTuple):
     Attributes:
         message: its function and argument, pickled.
         alone: whether in a process of its own.
+        foreign: what it runs that is not navbench's own.
         run: of which run it is.
         folder: where the driver works.
         path: where the driver imports from.
@@ -43,6 +44,7 @@ class Packed(NamedTuple):
 
     message: bytes
     alone: bool
+    foreign: frozenset[str]
     run: str
     folder: str
     path: tuple[str, ...]
@@ -78,7 +80,8 @@ def packed(task: Task, run: str, begun: Begun) -> Packed:
     import cloudpickle
 
     (folder, *path), code = begun
-    return Packed(cloudpickle.dumps((task.do, task.argument)), task.alone, run, folder, tuple(path), code, VERSIONS)
+    message = cloudpickle.dumps((task.do, task.argument))
+    return Packed(message, task.alone, task.foreign, run, folder, tuple(path), code, VERSIONS)
 
 
 def do(task: Packed) -> bytes | Death:
@@ -88,7 +91,7 @@ def do(task: Packed) -> bytes | Death:
     for name, there in task.versions.items():
         if (here := VERSIONS.get(name, there)) != there:
             return Death(f"the worker on {platform.node()} has {name} {here}, and the driver {there}", by_machine=True)
-    answer: bytes | Death = _crew(task.run).do(Task(_in_drivers_place, task, task.alone))
+    answer: bytes | Death = _crew(task.run).do(Task(_in_drivers_place, task, task.alone, task.foreign))
     return answer
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -130,9 +131,8 @@ def _search(search: _Search, progress: Callable[[TuningRecord], None] = lambda _
     """Run a tuning from where an earlier call left it, keep it, and return what was best."""
     key, results = search.key, search.results
     known: list[Evaluation] = []
-    whole = (
-        results.has("evaluations", tuning_name(key)) and results.code_of("evaluations", tuning_name(key)) == search.code
-    )
+    name = tuning_name(key)
+    whole = results.has("evaluations", name) and results.code_of("evaluations", name) == search.code
     if whole or results.has("evaluations", unfinished_name(key)):
         table = results.evaluations_of(key, whole=whole)
         known = [Evaluation(*row) for row in table[list(Evaluation._fields)].itertuples(index=False)]
@@ -157,7 +157,7 @@ def _refuse(search: _Search, death: Death) -> Evaluation:
     raise MachineError(death, what) if death.by_machine else DescriptionError(f"{what}{death.reason}")
 
 
-SEARCHES: Work[_Search, Evaluation] = Work(_search, _carefully, _refuse, lambda done: done[0])
+SEARCHES: Work[_Search, Evaluation] = Work(_search, _carefully, _refuse, itemgetter(0), attrgetter("tuning.foreign"))
 
 
 class _Part(NamedTuple):
@@ -197,7 +197,7 @@ def _join(pieces: Sequence[Records | DescriptionError | None]) -> Records | Desc
 
 
 PARTS_OF_CELLS: Work[_Part, Records | DescriptionError | None] = Work(
-    _run_part, _pieces, lambda part, death: EPISODES.lost(part.batch, death), _join
+    _run_part, _pieces, lambda part, death: EPISODES.lost(part.batch, death), _join, attrgetter("batch.cell.foreign")
 )
 
 
@@ -389,7 +389,7 @@ class _Running:
         """Write the tables that the cells' controllers offer of themselves, the first cell of each controller's."""
         first = {cell.names.controller: cell for cell in reversed(cells) if hasattr(cell.controller, "describe")}
         if self.plan.study:
-            told = in_processes(_described, list(first.values()), self.workers)
+            told = in_processes(_described, list(first.values()), self.workers, attrgetter("foreign"))
             for name, tables in zip(first, told, strict=True):
                 for part, table in tables.items():
                     self.results.write_description(f"{name}-{part}", table)

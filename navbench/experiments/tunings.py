@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass as described
 
 from navbench.contract import FloatArray
 from navbench.experiments.cells import Cell, digest
+from navbench.experiments.code import foreign_of
 from navbench.experiments.engines import Engine
 from navbench.experiments.evaluations import Evaluation, evaluator
 from navbench.metrics import declared
@@ -117,6 +118,11 @@ class Tuning:
     sources: Mapping[str, Any]
     repair: Repair | None = None
     verified_in: tuple[Cell, ...] = ()
+
+    @property
+    def foreign(self) -> frozenset[str]:
+        """What it runs that is not navbench's own, by name."""
+        return frozenset().union(foreign_of(self.configuration), *(cell.foreign for cell in self.cells))
 
     def __post_init__(self) -> None:
         """Check the metrics that cost, the budget, and that the repair can mend where the search starts.

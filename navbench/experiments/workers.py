@@ -73,11 +73,15 @@ class Worker:
 
     Args:
         begun: as ``begun`` returned it when the run began; what lies here otherwise now, the process refuses to run.
+
+    Attributes:
+        foreign: what it has run that is not navbench's own, by name.
     """
 
     def __init__(self, begun: "Begun") -> None:
         context = _context()
         self.begun = begun
+        self.foreign: frozenset[str] = frozenset()
         self._end, theirs = context.Pipe()
         self._said, says = context.Pipe(duplex=False)
         self._process = context.Process(target=_work, args=(theirs, says, begun.code), name=NAME)

@@ -3,6 +3,7 @@
 import errno
 import os
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -66,6 +67,7 @@ def fail(how):
     if how == "opens files":
         resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100))
         held.extend(open(os.devnull) for _ in range(300))
+    if how == "patches": math.atan2 = lambda *_: 0.0
     if how == "times itself":
         signal.signal(signal.SIGALRM, lambda *_: None)
         signal.setitimer(signal.ITIMER_REAL, 0.5)
@@ -96,7 +98,7 @@ class Mine:
     def act(self, o):
         if self.doomed and self.where == "act": fail(self.how)
         if self.how == "writes": o.ranges_m[0] = 0.0
-        if "forks" in self.how: fail(self.how)
+        if "forks" in self.how or self.how == "patches": fail(self.how)
         return 0.1 + 0.1 * self.gain, 0.0
 
     @property
@@ -210,6 +212,40 @@ def test_files_that_a_controller_leaves_open_cost_its_own_episodes(own: Path, co
 
 def run_out(number: int) -> None:
     raise MemoryError if number == 0 else OSError(number, os.strerror(number))
+
+
+def test_what_a_controller_patches_is_not_patched_for_others(own: Path) -> None:
+    words = ("world=corner", "start_jitter_m=0.01", "episodes=4", "simulator=pybullet")
+    mine = compose_cell("controller=mine", "controller.build.how=patches", *words, config_dir=own / "conf")
+    pid = compose_cell("controller=pid", *words)
+    rows = {
+        folder: run_plan(Plan(cells=cells), own / folder, 1).results.episodes().query("controller == 'pid'")
+        for folder, cells in {
+            "alone": (pid,),
+            "after": (mine, pid),
+            "between": (mine, pid, replace(mine, seed=1)),
+        }.items()
+    }
+    assert set(rows["alone"]["outcome"]) == {"reached"}
+    for folder in ("after", "between"):
+        pd.testing.assert_frame_equal(rows[folder].reset_index(drop=True), rows["alone"], rtol=0.0, atol=0.0)
+
+
+def test_a_process_runs_the_code_of_one_user_controller_only_and_ours_beside_none() -> None:
+    crew = Crew([])
+    first, second = frozenset({"mine.Mine"}), frozenset({"yours.Yours"})
+    ours, mine, yours, ours_again, mine_again = (
+        crew.do(Task(_pid, None, foreign=foreign)) for foreign in (frozenset(), first, second, frozenset(), first)
+    )
+    assert mine == ours  # which had run nothing foreign
+    assert len({mine, yours, ours_again}) == 3
+    assert mine_again == ours_again
+    assert len(crew.idle) == 1
+    crew.end()
+
+
+def _pid(_: object) -> int:
+    return os.getpid()
 
 
 def test_a_process_that_has_no_room_for_more_is_not_used_again() -> None:
