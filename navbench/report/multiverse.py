@@ -81,7 +81,8 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
     if curved := _curved(shares):
-        save_figure(curves(told.drawn, curved, _choices(told)), out, "curves")
+        ends = {factor.name: factor.bounds for factor in told.factors if not factor.choices}
+        save_figure(curves(told.drawn, curved, _choices(told), ends), out, "curves")
         caption = (
             "The share in which a claim holds over the range, or at each choice, of the value on which it depends "
             "most; the dashed line is the share over all"
@@ -127,7 +128,9 @@ def _together(best: Fit, search: Search) -> str:
     beaten = int((placebos < held).sum())
     worth = "the reconstruction fits the paper better than chance"
     if beaten < len(placebos):
-        worth = f"as many in {len(placebos) - beaten} of these, so that it fits the paper hardly better than chance"
+        worth = (
+            f"as many hold in {len(placebos) - beaten} of these, so that it fits the paper hardly better than chance"
+        )
     return (
         f"In the best reconstruction that {found}, {held} of {len(best.claims)} printed numbers hold at once; of "
         f"{len(placebos)} placebo tables, with the same numbers permuted, {placebos.min()} to {placebos.max()}: "
@@ -306,9 +309,9 @@ def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
     rows = []
     for name, bits in worth(shares, told.drawn):
         factor = known.get(name)
-        source = next(iter(factor.members.values())) if factor else None
-        ends = choices[name] or (source and source.range) or ()
-        bounds = _listed(ends, "off" if factor else "unset") if choices[name] else " to ".join(map(str, ends))
+        ends = factor.bounds if factor else choices[name]
+        is_range = factor is not None and not factor.choices
+        bounds = " to ".join(map(str, ends)) if is_range else _listed(ends, "off" if factor else "unset")
         asked = name.partition(".")[0]
         kind = factor.kind if factor else "a reading of the claim" if asked in claims else "ours"
         rows.append([name, ", ".join(factor.things) if factor else asked, bounds, kind, bits])

@@ -82,13 +82,16 @@ def chart(shares: Sequence[Shares], verdicts: Mapping[str, str]) -> "Figure":
     return figure
 
 
-def curves(drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequence[Any]]) -> "Figure":
+def curves(
+    drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequence[Any]], ends: Mapping[str, Sequence[float]]
+) -> "Figure":
     """Return for each claim the share in which it holds over the range, or the choices, of the value that tells most.
 
     Args:
         drawn: the sample.
         shares: of the claims.
         choices: those of each value that has no range, by its name.
+        ends: of each value's range.
     """
     from matplotlib.figure import Figure
 
@@ -98,14 +101,15 @@ def curves(drawn: Drawn, shares: Sequence[Shares], choices: Mapping[str, Sequenc
     grid = np.atleast_1d(figure.subplots(rows, columns, sharey=True)).ravel()
     for axes, one in zip(grid, shares, strict=False):
         assert one.bits is not None
-        _curve(axes, drawn, one, one.bits[0], choices.get(one.bits[0], ()))
+        name = one.bits[0]
+        _curve(axes, drawn, one, name, choices.get(name, ()), ends.get(name, ()))
     for axes in grid[len(shares) :]:
         axes.set_visible(False)
     figure.supylabel("share in which it holds", fontsize=9)
     return figure
 
 
-def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence[Any]) -> None:
+def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence[Any], ends: Sequence[float]) -> None:
     count = len(choices) or SLICES
     places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
     holds = drawn.codes(one.claim.name).ravel() == HOLDS
@@ -126,7 +130,9 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
         words = [str(choices[k]) for k in order]
         is_short = max(map(len, words)) <= NAMED_MAX
         axes.set_xticks(x, words if is_short else [str(k + 1) for k in range(count)])
-    axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'from least to most'}", fontsize=7)
+    if len(ends) == 2:
+        axes.set_xticks([0.0, 1.0], [f"{end:g}" for end in ends])
+    axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'over its range'}", fontsize=7)
 
 
 def _number(choice: Any) -> float | None:

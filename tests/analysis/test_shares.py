@@ -107,16 +107,20 @@ def test_a_curve_joins_the_parts_of_a_range_and_tells_choices_apart() -> None:
     u = np.random.default_rng(2).random((N, 2))
     sample = drawn({"a": np.where(u[:, 0] < 0.5, HOLDS, FAILS)})._replace(u=u, reaches={"a": [0]})
     (one,) = shares_of(sample, [number("a")], NOTHING)
-    joined, apart = (curves(sample, [one], choices).axes[0] for choices in ({}, {"first": (True, False)}))
+    joined, apart = (
+        curves(sample, [one], choices, ends).axes[0]
+        for choices, ends in (({}, {"first": (0.03, 0.13)}), ({"first": (True, False)}, {}))
+    )
     assert joined.lines[0].get_linestyle() == "-"
     assert np.asarray(joined.lines[0].get_ydata()).tolist() == [1.0] * 4 + [0.0] * 4
-    assert joined.get_xlabel() == "first, from least to most"
+    assert [label.get_text() for label in joined.get_xticklabels()] == ["0.03", "0.13"]
+    assert joined.get_xlabel() == "first, over its range"
     assert apart.lines[0].get_linestyle() == "None"
     assert np.asarray(apart.lines[0].get_ydata()).tolist() == [1.0, 0.0]
     assert [label.get_text() for label in apart.get_xticklabels()] == ["True", "False"]
     assert apart.get_xlabel() == "first, 2 choices"
     for numbers in ((3, 1), ("10 %", "5 %")):  # which stand in their order
-        numbered = curves(sample, [one], {"first": numbers}).axes[0]
+        numbered = curves(sample, [one], {"first": numbers}, {}).axes[0]
         assert [label.get_text() for label in numbered.get_xticklabels()] == [str(numbers[1]), str(numbers[0])]
         assert np.asarray(numbered.lines[0].get_ydata()).tolist() == [0.0, 1.0]
 
