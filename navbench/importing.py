@@ -10,6 +10,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
+from navbench.validation import DescriptionError
+
+_NAMED: dict[str, set[str]] = {}  # modules that a user named, and the folders that each added to what is imported from
+
 
 def import_named(name: str) -> ModuleType:
     """Import a module that a configuration, or a user, names.
@@ -26,8 +30,34 @@ def import_named(name: str) -> ModuleType:
     top, here = name.partition(".")[0], os.getcwd()
     if top and here not in sys.path and _lies_in(Path(here), top) and not (top in sys.modules or find_spec(top)):
         sys.path.append(here)
-    with without_exit():
-        return import_module(name)
+    before = set(sys.path)
+    try:
+        with without_exit():
+            return import_module(name)
+    finally:
+        if not name.startswith("navbench."):
+            _NAMED.setdefault(name, set()).update(set(sys.path) - before)
+
+
+def check_apart() -> None:
+    """Check that no two modules that a user named can get each other's helpers, imported by one name from two folders.
+
+    Raises:
+        DescriptionError: which helper, and from where.
+    """
+    added = {folder: name for name, folders in _NAMED.items() for folder in folders if os.path.isdir(folder)}
+    if not added or len(_NAMED) < 2:
+        return
+    loaded = {name.partition(".")[0] for name in sys.modules}
+    for folder, adder in added.items():
+        held = loaded & {file.name.partition(".")[0] for file in Path(folder).iterdir()}
+        for top in sorted(held):
+            places = [place for place in dict.fromkeys(sys.path) if _lies_in(Path(place), top)]
+            if len(places) > 1:
+                raise DescriptionError(
+                    f"{top}: lies in {places[0]} and in {places[1]}, of which {adder} adds {folder} to sys.path; "
+                    "another module would import the wrong one: give one of them another name"
+                )
 
 
 @contextmanager
@@ -48,4 +78,6 @@ def without_exit() -> Iterator[None]:
 
 
 def _lies_in(folder: Path, top: str) -> bool:
+    if not folder.is_dir():  # an archive
+        return False
     return (folder / top).is_dir() or any(file.name.startswith(f"{top}.") for file in folder.iterdir())

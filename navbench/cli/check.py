@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from navbench.cli.progress import UNFINISHED, tell
 from navbench.cli.words import Words, sort_words
+from navbench.importing import without_exit
 from navbench.validation import DescriptionError
 
 HELP = """navbench check controller=NAME [world=NAME] [...]: hold a controller against the contract, line by line
@@ -44,9 +45,10 @@ def check(arguments: Sequence[str]) -> int:
     added = [f"{key}={value}" for key, value in UNLESS_GIVEN.items() if key not in given]
     cell = compose_cell(*added, *words.overrides, config_dir=words.config_dir)
     count = dict.fromkeys(("ok", "note", "FAIL"), 0)
-    for finding in findings(cell):
-        count[finding.verdict] += 1
-        tell(f"{finding.verdict:<5} {finding.name:<9} {finding.said}")
+    with without_exit():
+        for finding in findings(cell):
+            count[finding.verdict] += 1
+            tell(f"{finding.verdict:<5} {finding.name:<9} {finding.said}")
     print(
         f"{cell.names.controller} in {cell.names.world}: {', '.join(f'{n} {word}' for word, n in count.items() if n)}"
     )

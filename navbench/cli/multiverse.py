@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,8 +54,9 @@ def multiverse(arguments: Sequence[str]) -> int:
     from navbench.cli.flow import INTERRUPTED
     from navbench.cli.prior import prior_of, reconstructions_of
     from navbench.cli.progress import UNFINISHED, complain, progress, tell
+    from navbench.cli.reconstructions import Reconstructions
     from navbench.cli.sampling import BLOCKS, blocks_of
-    from navbench.experiments.engines import run
+    from navbench.experiments.engines import in_processes, run
     from navbench.experiments.files import locked
     from navbench.experiments.samples import PRIOR, Samples
     from navbench.experiments.workers import MachineError
@@ -66,7 +68,8 @@ def multiverse(arguments: Sequence[str]) -> int:
     inner = [options["prior"]] if options["prior"] else []
     samples = Samples(Path(options["out"] or "-".join([f"outputs/multiverse/{name}", *inner])))
     of = reconstructions_of(name, tuned, words.config_dir, prior=options["prior"])
-    for claim, why in of.unmeasured().items():
+    (unmeasured,) = in_processes(Reconstructions.unmeasured, [of], chosen["workers"], attrgetter("foreign"))
+    for claim, why in unmeasured.items():
         complain(f"{claim}: has no case in the study's own reconstruction; {why}")
     blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
     total = done = sum(block.size for block in blocks)
@@ -108,7 +111,8 @@ def _finish(
     from navbench.analysis.fitting import fit, in_sample
     from navbench.analysis.shares import Drawn
     from navbench.cli.sampling import places
-    from navbench.cli.searching import STARTS, Searches
+    from navbench.cli.searching import STARTS, Evaluation, Searches, codes_at
+    from navbench.experiments.engines import in_processes
     from navbench.experiments.samples import DRAWN, MOVED
     from navbench.report.joined import read_claims
     from navbench.report.multiverse import Search, Told, write_multiverse
@@ -122,7 +126,10 @@ def _finish(
     out = Path("results") / name
     claims = read_claims(out / "claims.csv")
     here, measured = (dict(zip(claims["id"], claims[column], strict=True)) for column in ("verdict", "measured"))
-    at_best = {} if best is None else dict(zip((entry.name for entry in of.claims), of.tell(best.u).codes, strict=True))
+    at_best: dict[str, int] = {}
+    if best is not None:
+        (codes,) = in_processes(codes_at, [Evaluation(of, best.u)], workers, attrgetter("of.foreign"))
+        at_best = dict(zip((entry.name for entry in of.claims), codes, strict=True))
     told = Told(
         name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
         best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),

@@ -132,6 +132,10 @@ class Reconstructions:
     episodes: tuple[int, ...]
     places: Places = field(default_factory=dict, repr=False, compare=False)
 
+    def __str__(self) -> str:
+        """Return what a message calls them."""
+        return f"a reconstruction of {self.study['name']}"
+
     @property
     def foreign(self) -> frozenset[str]:
         """What their cells run that is not navbench's own, by name."""

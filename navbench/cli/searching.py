@@ -37,6 +37,11 @@ def measured(evaluation: Evaluation) -> FloatArray:
     return np.array([evaluation.of.tell(u).values for u in evaluation.u])
 
 
+def codes_at(evaluation: Evaluation) -> NDArray[np.int8]:
+    """Return (claims,) what each claim does in one reconstruction, of which alone ``u`` says where it lies."""
+    return evaluation.of.tell(evaluation.u).codes
+
+
 class Searches:
     """The searches of a multiverse, each generation kept as it is done.
 

@@ -116,12 +116,12 @@ class Cell:
 
     @property
     def foreign(self) -> frozenset[str]:
-        """What it runs that is not navbench's own, by name."""
-        return foreign_of(self.configuration) | {
-            f"{metric.__module__}.{metric.__qualname__}"
-            for metric in self.metrics
-            if not metric.__module__.startswith("navbench.")
-        }
+        """What it runs that is not navbench's own, by name, and which controller meets that; empty for nothing."""
+        users = [metric for metric in self.metrics if not metric.__module__.startswith("navbench.")]
+        found = foreign_of(self.configuration) | {f"{metric.__module__}.{metric.__qualname__}" for metric in users}
+        if found or isinstance(self.controller, Unnamed):
+            return found | {digest(self.configuration["controller"])}
+        return found
 
     @property
     def indices(self) -> range:

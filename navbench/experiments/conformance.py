@@ -16,9 +16,11 @@ from navbench.episode.starts import Jitter
 from navbench.experiments.cells import Cell, Records
 from navbench.experiments.engines import in_processes
 from navbench.experiments.rerunning import Acts, difference, drive, ended, watch
+from navbench.experiments.workers import MachineError
 from navbench.policy import CompiledController
 from navbench.records import NOT_DRIVEN
 from navbench.sensors import Mount, Odometry, Ring, Sensors
+from navbench.validation import DescriptionError
 from navbench.world.layout import Layout
 from navbench.world.mirrored import mirrored
 
@@ -86,10 +88,20 @@ def _repeats(cell: Cell, driven: Records) -> Finding:
         "in another order": lambda: drive(cell, back=True),
         "in another process": lambda: in_processes(drive, [cell], 1, attrgetter("foreign"))[0],
     }
-    apart = {way: found for way, run in ways.items() if (found := difference(driven, run()))}
+    apart = {way: found for way, run in ways.items() if (found := _apart(driven, run))}
     if not apart:
         return Finding("ok", "repeats", f"to the last bit: {', '.join(ways)}")
     return Finding("FAIL", "repeats", f"differs {', '.join(apart)}: {next(iter(apart.values()))}")
+
+
+def _apart(driven: Records, run: Callable[[], Records]) -> str:
+    """Return the first difference of another run, or what ended the process in which it ran; empty for none."""
+    try:
+        return difference(driven, run())
+    except MachineError:
+        raise
+    except DescriptionError as error:
+        return str(error).partition(", at its work")[0]
 
 
 def _compiled_as_act(driven: Records, watched: Records) -> Finding:

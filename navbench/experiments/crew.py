@@ -18,8 +18,8 @@ class Task(NamedTuple):
         do: a function; it and its argument can be sent to another process.
         argument: what it is called with.
         alone: whether in a process of its own, which does nothing else.
-        foreign: what it runs that is not navbench's own, by name: no process runs two such sets, since what one patches
-            or leaves behind would be the other's.
+        foreign: what it runs that is not navbench's own, see ``Cell``: no process runs two such sets, nor one and
+            what has none, since what one patches or leaves behind would be the other's.
     """
 
     do: Callable[[Any], Any]
@@ -50,7 +50,7 @@ class Crew:
             Exception: whatever the task raises.
         """
         try:
-            worker = Worker(self._begun) if task.alone else self._worker(task.foreign)
+            worker = Worker(self._begun, task.foreign) if task.alone else self._worker(task.foreign)
         except (EOFError, OSError) as error:  # what workers are forked from was killed, or there is no room for more
             return Death(f"its process could not be started: {one_line(error)}", by_machine=True)
         with self._lock:
@@ -81,7 +81,7 @@ class Crew:
             self.idle.pop().kill()
 
     def _worker(self, foreign: frozenset[str]) -> Worker:
-        """Return an idle worker that has run nothing else foreign, or a new one in the place of one that has."""
+        """Return an idle worker that runs this and nothing else, or a new one in the place of another."""
         others: list[Worker] = []
         found = None
         with suppress(IndexError):
@@ -89,16 +89,15 @@ class Crew:
                 worker = self.idle.pop()
                 if not worker.alive or worker.begun != self._begun:
                     worker.kill()
-                elif worker.foreign in (frozenset(), foreign):
+                elif worker.foreign == foreign:
                     found = worker
                 else:
                     others.append(worker)
         if found is None:
             if others:
                 others.pop().kill()
-            found = Worker(self._begun)
+            found = Worker(self._begun, foreign)
         self.idle += others
-        found.foreign = foreign
         return found
 
 

@@ -20,6 +20,7 @@ from navbench.experiments.plan import Plan, Planned, around, batches_of_all
 from navbench.experiments.store import OTHERWISE, Results
 from navbench.experiments.tunings import Tuning, TuningRecord, checks_of, run_tuning
 from navbench.experiments.workers import Death, MachineError
+from navbench.importing import check_apart
 from navbench.records import CellKey, TuningKey
 from navbench.validation import DescriptionError
 
@@ -69,9 +70,11 @@ def run_plan(
         overwrite: whether to remove finished parts that are not of the plan.
 
     Raises:
-        DescriptionError: the directory holds other work, another run goes on in it, or nothing of the plan can be run.
+        DescriptionError: the directory holds other work, another run goes on in it, nothing of the plan can be run, or
+            controllers would import each other's helpers.
         ValueError: a cost is not finite.
     """
+    check_apart()
     results, there = Results(path), existing(path)
     if any(cell.options.gui for cell in plan.cells):
         workers = 0
@@ -105,12 +108,9 @@ def _carried_out(running: "_Running") -> Ran:
 def best_of(results: Results, tuning: Tuning) -> tuple[int, float, dict[str, Any]]:
     """Return the first evaluation with the least cost of a finished tuning: its index, its cost, its parameters."""
     table = results.evaluations_of(tuning.key())
-    best = int(table["cost"].to_numpy().argmin())
-    return (
-        best,
-        float(table["cost"].iloc[best]),
-        {side.name: table[side.name].tolist()[best] for side in tuning.dimensions},
-    )
+    costs = table["cost"].to_numpy()
+    best = int(costs.argmin())
+    return best, float(costs[best]), {side.name: table[side.name].tolist()[best] for side in tuning.dimensions}
 
 
 class _Search(NamedTuple):

@@ -73,18 +73,16 @@ class Worker:
 
     Args:
         begun: as ``begun`` returned it when the run began; what lies here otherwise now, the process refuses to run.
-
-    Attributes:
-        foreign: what it has run that is not navbench's own, by name.
+        foreign: what it runs that is not navbench's own; empty for nothing, which no change of the user's code alters.
     """
 
-    def __init__(self, begun: "Begun") -> None:
+    def __init__(self, begun: "Begun", foreign: frozenset[str] = frozenset()) -> None:
         context = _context()
         self.begun = begun
-        self.foreign: frozenset[str] = frozenset()
+        self.foreign = foreign
         self._end, theirs = context.Pipe()
         self._said, says = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(theirs, says, begun.code), name=NAME)
+        self._process = context.Process(target=_work, args=(theirs, says, begun.code if foreign else {}), name=NAME)
         with _STARTING, _without_main():
             start_server()
             self._process.start()

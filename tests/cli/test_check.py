@@ -46,6 +46,7 @@ MINE = {
     "remembers": "class Mine(Good):\n    acts = 0\n    def turn(self, o):\n        Mine.acts += 1\n"
     "        return error(o) + 1e-3 * Mine.acts\n",
     "changes": "class Mine(Good):\n    def turn(self, o):\n        o.ranges_m[0] = 0.0\n        return error(o)\n",
+    "exits": "class Mine(Good):\n    def turn(self, o): os._exit(0)\n",
     "nan": "class Mine(Good):\n    def turn(self, o): return math.nan\n",
     "fast": "class Mine(Good):\n    def turn(self, o): return 100.0 * error(o)\n",
     "right": "class Mine(Good):\n    def turn(self, o): return 2.0 * error(o) - 0.5\n",
@@ -130,6 +131,14 @@ def test_what_breaks_the_contract_fails_and_is_named(
     assert done.code == 3
     assert re.match(said, lines[check]), lines
     assert [name for name, line in lines.items() if line.startswith("FAIL")] == [check]
+
+
+def test_a_controller_that_ends_its_process_fails_and_the_check_goes_on(tmp_path: Path, command: Command) -> None:
+    done, lines = found(tmp_path, command, "exits")
+    assert done.code == 3
+    assert lines["commands"].startswith("FAIL episode 0, robot 0: SystemExit: os._exit(0) (mine.py")
+    assert lines["repeats"] == "FAIL differs in another process: its process ended with exit code 0"
+    assert list(lines) == NAMES
 
 
 @pytest.mark.parametrize(

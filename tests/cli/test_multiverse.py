@@ -181,6 +181,19 @@ def test_a_study_in_another_simulator_stands_beside_it(command: Command, folder:
     assert "# tiny: a straight line, every cell in pybullet" in Path("results/tiny/pybullet/report.md").read_text()
 
 
+def test_a_controller_that_ends_its_process_is_named(folder: Path) -> None:
+    (folder / "ends.py").write_text(
+        "import os\nclass Ends:\n    def reset(self, *_): pass\n    def act(self, o): os._exit(0)\n"
+    )
+    (folder / "conf/controller").mkdir()
+    (folder / "conf/controller/ends.yaml").write_text("# Ends\nbuild: {_target_: ends.Ends}\n")
+    text = STUDY.replace("[controller=go_to_goal, world=line, simulator=planar]", "[controller=ends, world=line]")
+    (folder / "conf/study/tiny.yaml").write_text(text.lstrip())
+    done = in_a_process(folder, *WORDS)
+    assert done.code == 2
+    assert done.err.endswith("navbench: its process ended with exit code 0, at its work on a reconstruction of tiny\n")
+
+
 def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path) -> None:
     of = reconstructions_of("tiny", folder, "conf")
     u, others = np.full(len(of.names), 0.3), np.full(len(of.names), 0.9)

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from commands import Command
+from commands import Command, in_a_process
 
 from navbench.cli.configuration import compose_cell
 from navbench.cli.study_configuration import compose_tuning
 from navbench.episode.isolation import WIPE_ON_FORK, Isolation
+from navbench.experiments.cells import Unnamed
 from navbench.experiments.crew import Crew, Task
 from navbench.experiments.engines import in_processes
 from navbench.experiments.plan import Plan
 from navbench.experiments.running import Ran, run_plan
-from navbench.experiments.workers import Death, MachineError
+from navbench.experiments.workers import Begun, Death, MachineError
 from navbench.validation import DescriptionError
 
 CODE = """
@@ -231,17 +232,54 @@ def test_what_a_controller_patches_is_not_patched_for_others(own: Path) -> None:
         pd.testing.assert_frame_equal(rows[folder].reset_index(drop=True), rows["alone"], rtol=0.0, atol=0.0)
 
 
-def test_a_process_runs_the_code_of_one_user_controller_only_and_ours_beside_none() -> None:
+def test_a_process_runs_one_user_controller_only_and_ours_in_others() -> None:
     crew = Crew([])
-    first, second = frozenset({"mine.Mine"}), frozenset({"yours.Yours"})
-    ours, mine, yours, ours_again, mine_again = (
-        crew.do(Task(_pid, None, foreign=foreign)) for foreign in (frozenset(), first, second, frozenset(), first)
-    )
-    assert mine == ours  # which had run nothing foreign
-    assert len({mine, yours, ours_again}) == 3
-    assert mine_again == ours_again
+    none, first, second = frozenset[str](), frozenset({"mine.Mine"}), frozenset({"yours.Yours"})
+    sets = none, none, first, first, second, none
+    pids = [crew.do(Task(_pid, None, foreign=foreign)) for foreign in sets]
+    assert pids[0] == pids[1]
+    assert pids[2] == pids[3]
+    assert len(set(pids)) == 4
     assert len(crew.idle) == 1
     crew.end()
+
+
+def test_what_shares_a_process_is_the_same_controller_with_the_same_parameters(own: Path) -> None:
+    def foreign(*words: str) -> frozenset[str]:
+        return compose_cell(*words, config_dir=own / "conf").foreign
+
+    mine = foreign(*WORDS)
+    assert foreign(*WORDS, "world=corner", "seed=1") == mine != foreign(*WORDS, "controller.build.how=other")
+    assert foreign("controller=pid", "world=empty") == frozenset()
+    noted = {foreign(f"controller={name}", "world=empty", "metrics=[misbehaving.noted]") for name in ("pid", "sflc")}
+    assert len(noted) == 2
+    assert frozenset() not in noted
+    given = replace(compose_cell("controller=pid", "world=empty"), controller=Unnamed(object(), is_object=True))
+    assert given.foreign
+
+
+def test_a_change_of_a_users_code_stops_only_what_runs_such_code() -> None:
+    crew = Crew([])
+    crew._begun = Begun(crew._begun.place, {"commands": "0" * 16})
+    assert isinstance(crew.do(Task(_pid, None)), int)
+    refused = crew.do(Task(_pid, None, foreign=frozenset({"mine.Mine"})))
+    assert refused == Death("commands: changed since this run began", by_machine=True)
+    crew.end()
+
+
+def test_helpers_of_one_name_in_two_folders_are_refused(own: Path) -> None:
+    for name in ("A", "B"):
+        (own / name).mkdir()
+        (own / name / "helping.py").touch()
+        (own / f"of_{name}.py").write_text(f"import sys\nsys.path.append('{own / name}')\nimport helping\n{CODE}")
+        yaml = f"# Mine\nbuild: {{_target_: of_{name}.Mine, how: nothing}}\n"
+        (own / "conf/controller" / f"{name}.yaml").write_text(yaml)
+    words = ("--config-dir", "conf", *WORDS[1:], "hydra.sweep.dir=sweep")
+    assert in_a_process(own, "-m", "controller=A,go_to_goal", *words).code == 0
+    done = in_a_process(own, "-m", "controller=A,B", *words[:-1], "hydra.sweep.dir=both")
+    assert done.code == 2
+    assert done.err.startswith(f"navbench: helping: lies in {own / 'A'} and in {own / 'B'}, of which of_A adds")
+    assert not (own / "both").exists()
 
 
 def _pid(_: object) -> int:
