@@ -383,7 +383,7 @@ def test_a_tuning_charges_a_candidate_that_ends_its_process_as_one_that_raises(o
 
 
 def test_a_process_that_cannot_be_started_is_a_fault_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_: object) -> None:
+    def fail(*_: object) -> None:
         raise EOFError("unexpected EOF")  # as where the server that forks workers was killed
 
     monkeypatch.setattr("navbench.experiments.crew.Worker", fail)

@@ -67,7 +67,10 @@ def test_a_module_that_is_edited_between_two_runs_is_run_as_it_stands_now(
 
 
 def test_a_process_that_begins_after_an_edit_refuses_what_began_before(mine: Path) -> None:
-    work = Work(sys.modules["edited"].edit, lambda _: [], lambda _, death: death.reason, lambda _: "")
+    foreign = frozenset({"edited.edit"})
+    work = Work(
+        sys.modules["edited"].edit, lambda _: [], lambda _, death: death.reason, lambda _: "", lambda _: foreign
+    )
     assert list(run(work, [0], workers=1)) == [(0, "edited: changed since this run began")]
 
 
