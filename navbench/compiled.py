@@ -35,6 +35,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _dumps: Callable[[Any], bytes] = serialize.dumps  # pickles what a closure and machine code hold
 ABOVE = ("experiments", "analysis", "report", "cli", "gym")  # packages that nothing compiled imports
+CHECKSUM_BYTES = hashlib.sha256().digest_size  # before the machine code in its file
 FOLDERS_MAX = 40  # states of the sources whose machine code is kept, the last used ones
 
 
@@ -105,7 +106,7 @@ def cache_folder() -> Path:
 
 
 class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
-    """The machine code of one function: a file for each signature, which is only ever replaced as a whole."""
+    """The machine code of one function: a file for each signature, checksum first, only ever replaced as a whole."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
@@ -117,11 +118,11 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
         """Return what was kept for a signature, or None."""
         target_context.refresh()
         for folder in (_given, _folder):
-            try:
+            with suppress(Exception):  # nothing is kept, or another version of a package pickled it
                 kept = (folder(self._digest) / self._name(sig, target_context.codegen())).read_bytes()
-                return CompileResult._rebuild(target_context, *pickle.loads(kept))  # type: ignore[no-untyped-call,unused-ignore]
-            except Exception:  # nothing is kept, or a file was cut off, which unpickling may answer with any error
-                continue
+                checksum, code = kept[:CHECKSUM_BYTES], kept[CHECKSUM_BYTES:]
+                if checksum == hashlib.sha256(code).digest():  # else it may end the process or compute wrongly
+                    return CompileResult._rebuild(target_context, *pickle.loads(code))  # type: ignore[no-untyped-call,unused-ignore]
         return None
 
     def save_overload(self, sig: Any, cres: Any) -> None:
@@ -133,7 +134,8 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
             file = _folder(self._digest) / self._name(sig, cres.codegen)
             temporary = file.with_name(f".{file.name}.{os.getpid()}")
             try:
-                temporary.write_bytes(_dumps(cres._reduce()))
+                code = _dumps(cres._reduce())
+                temporary.write_bytes(hashlib.sha256(code).digest() + code)
                 os.replace(temporary, file)
             finally:
                 temporary.unlink(missing_ok=True)

@@ -171,6 +171,16 @@ def test_what_was_cut_off_is_compiled_and_kept_again(tree: Path, length: int) ->
     assert [said(start(tree)), said(start(tree))] == ["20.0 0", "20.0 1"]
 
 
+@pytest.mark.parametrize("place", [0.0, 0.1, 0.5, 0.9])
+def test_machine_code_of_which_a_bit_has_changed_is_never_run(tree: Path, place: float) -> None:
+    said(start(tree))
+    for path in kept(tree.parent / "cache"):
+        code = bytearray(path.read_bytes())
+        code[int(place * len(code))] ^= 1
+        path.write_bytes(code)
+    assert [said(start(tree)), said(start(tree))] == ["20.0 0", "20.0 1"]
+
+
 def test_the_cache_lies_in_the_users_cache_directory(tree: Path) -> None:
     home = tree.parent / "home"
     home.mkdir()
