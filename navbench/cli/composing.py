@@ -36,6 +36,8 @@ CONTROLLER_SIDE = ("controller", "sensors")  # a controller chooses sensors,
 WORLD_SIDE = ("world", "robot", "simulator")  # a world a robot
 NO_NAME = r"(?i:null|nan|true|false|[-+]?inf)|[-+\d.e]*"  # what Hydra reads as no word
 COMPOSING = RLock()
+BEGUN = itertools.count(1)  # how often it was begun to compose
+COLLECTED_EVERY = 20  # times; each leaves some 2 MB of garbage, and to look for it takes as long as one
 FOLDER: ContextVar[str | Path | None] = ContextVar("FOLDER", default=None)
 
 
@@ -83,6 +85,8 @@ def composing(
         Plugins.instance().register(UserFolder)
         token, hydra, config = FOLDER.set(config_dir), GlobalHydra.instance().hydra, HydraConfig.instance().cfg
         GlobalHydra.instance().clear()  # a program that has Hydra compose something of its own may call navbench
+        if next(BEGUN) % COLLECTED_EVERY == 0:
+            gc.collect()  # which freezing, as it sets the counts back, would keep from ever beginning by itself
         gc.freeze()  # Hydra leaves much garbage, and a third of its time would go into looking through all else
         store = ConfigStore.instance()
         for group, name, values in things:

@@ -1,6 +1,8 @@
 """What is composed in halves is what Hydra composes whole; a sweep's words give its runs; a user's files are found."""
 
+import gc
 import json
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,7 +10,7 @@ from typing import Any
 import pytest
 
 from navbench.cli.catalogue import CONF, GROUPS, files_of
-from navbench.cli.composing import Composed, Composer, combinations, composing
+from navbench.cli.composing import COLLECTED_EVERY, Composed, Composer, combinations, composing
 from navbench.validation import DescriptionError
 
 ALIKE = [
@@ -206,3 +208,20 @@ def test_a_study_that_says_a_thing_twice_is_refused(tmp_path: Path) -> None:
     (tmp_path / "study/mine/more.yaml").write_text("title: yours\n")
     with composing(tmp_path) as composer, pytest.raises(DescriptionError, match=r"study/mine\.title: stands in sev"):
         composer.study("mine")
+
+
+def test_what_a_composition_leaves_is_collected(composer: Composer) -> None:
+    class Circle:
+        """What Hydra leaves: it holds itself."""
+
+        def __init__(self) -> None:
+            self.itself = self
+
+    left = []
+    for _ in range(3 * COLLECTED_EVERY):
+        with composing():
+            circle = Circle()
+            left.append(weakref.ref(circle))
+            gc.collect(1)  # it grows old: from now on only a full collection looks for it
+            del circle
+    assert sum(circle() is not None for circle in left) <= COLLECTED_EVERY
