@@ -172,7 +172,11 @@ class Composer:
 
     def _config(self, name: str, words: Sequence[str]) -> DictConfig:
         check_words(words)
-        config = compose(name, list(words), return_hydra_config=True)  # which the resolver ``hydra`` reads
+        try:
+            config = compose(name, list(words), return_hydra_config=True)  # which the resolver ``hydra`` reads
+        except AssertionError:  # Hydra's own, of entries that mean nothing, such as those of a group without a name
+            of = " ".join(words) or name
+            raise DescriptionError(f"{of}: defaults: each must be a name or `group: name`, of letters") from None
         HydraConfig.instance().set_config(config)
         with open_dict(config):
             del config["hydra"]

@@ -175,6 +175,14 @@ def test_a_users_file_with_a_name_that_is_taken_is_refused(name: str, tmp_path: 
         composing(tmp_path).__enter__()
 
 
+@pytest.mark.parametrize("entry", ["{'': corner}", "{'': 'j\u00d9\u00b8'}", "{'': null}"])
+def test_a_default_of_a_group_without_a_name_is_refused(entry: str, tmp_path: Path) -> None:
+    (tmp_path / "controller").mkdir()
+    (tmp_path / "controller/mine.yaml").write_text(f"defaults: [{entry}, _self_]\nbuild: {{}}\n")
+    with composing(tmp_path) as composer, pytest.raises(DescriptionError, match="controller=mine: defaults: each must"):
+        composer.values("run", ["controller=mine"])
+
+
 def test_a_users_schema_is_refused(tmp_path: Path) -> None:
     (tmp_path / "schema").mkdir()
     with pytest.raises(DescriptionError, match="schema: the schemas are navbench's own"):
