@@ -1,6 +1,7 @@
 """Files that are written whole or not at all, that tell whether they still are, and the directory that holds them."""
 
 import errno
+import glob
 import hashlib
 import os
 import platform
@@ -14,21 +15,25 @@ from typing import IO
 from navbench.validation import DescriptionError
 
 LOCK = "lock"
+PART_TEMPORARIES = (".*.parquet.[0-9]*.tmp", "*/.*.parquet.[0-9]*.tmp")  # what parts are called that are being written
 MARK = b"sha256:"
 OPEN = MARK + b"0" * 64  # stands in a file where its seal will, and while the seal is computed
-
-TEMPORARY = ".*.tmp"  # what temporary files are called
 
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
     """Give a temporary file beside the wanted one, and rename it when all went well.
 
+    What a process that was killed had begun to write in its place is removed.
+
     Raises:
         OSError: it cannot be written, such as on a full disk; it names the wanted file.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    for left in file.parent.glob(f".{glob.escape(file.name)}.[0-9]*.tmp"):
+        if _has_ended(left):
+            left.unlink(missing_ok=True)
     try:
         yield temporary
         os.replace(temporary, file)
@@ -47,6 +52,13 @@ def keep(file: Path, data: bytes) -> None:
         _sync(temporary, os.O_RDWR)
     if sys.platform != "win32":  # which opens no directories
         _sync(file.parent, os.O_RDONLY)
+
+
+def discard_half_written(folder: Path) -> None:
+    """Remove the parts that a run of this directory, which was killed, had begun to write."""
+    for pattern in PART_TEMPORARIES:
+        for left in folder.glob(pattern):
+            left.unlink(missing_ok=True)
 
 
 def sealed(name: str, data: bytes) -> bytes:
@@ -105,6 +117,20 @@ def discard_empty(path: Path, there: Path) -> None:
     while path != there and there in path.parents and path.is_dir() and not any(path.iterdir()):
         path.rmdir()
         path = path.parent
+
+
+def _has_ended(temporary: Path) -> bool:
+    """Return whether the process whose number stands in a temporary file's name is no more."""
+    number = temporary.name.split(".")[-2]
+    if sys.platform == "win32" or not number.isdecimal():  # where asking would interrupt it
+        return False
+    try:
+        os.kill(int(number), 0)
+    except (ProcessLookupError, OverflowError):
+        return True
+    except OSError:  # another user's
+        return False
+    return False
 
 
 def _sync(path: Path, flags: int) -> None:

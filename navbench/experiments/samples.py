@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navbench.experiments import parts
-from navbench.experiments.files import OPEN, is_whole, keep, sealed
+from navbench.experiments.files import OPEN, discard_half_written, is_whole, keep, sealed
 from navbench.experiments.schema import LONGEST, ResultsError
 from navbench.reading import bounded
 
@@ -31,6 +31,8 @@ class Samples:
     def begin(self, prior: Mapping[str, Any], *, other_code: bool = False) -> None:
         """Write the prior, or see that it is the one by which earlier reconstructions were drawn.
 
+        What a run that was killed had begun to write is removed.
+
         Args:
             prior: what is drawn and asked, as plain values, with the digest of the code under "code".
             other_code: whether to go on with what other code made.
@@ -39,6 +41,7 @@ class Samples:
             ResultsError: the directory holds reconstructions of another prior, or that other code made.
         """
         file = self.path / PRIOR
+        discard_half_written(self.path)
         if file.is_file():
             old = self.prior()
             here = "the reconstructions in it are kept; out= names another directory for new ones"

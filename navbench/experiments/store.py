@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import navbench.experiments.parts as parts
-from navbench.experiments.files import OPEN, TEMPORARY, discard_empty, is_whole, keep, replacing, sealed
+from navbench.experiments.files import OPEN, discard_empty, discard_half_written, is_whole, keep, replacing, sealed
 from navbench.experiments.manifest import is_other_work, manifest_of, now
 from navbench.experiments.parts import BESIDE, CODE, KINDS, RECORD, TUNING, batch_name, episodes_of, tuning_name
 from navbench.experiments.rows import episode_table, latency_table, trajectory_table
@@ -126,7 +126,7 @@ class Results:
 
     def abandon(self) -> None:
         """Remove what was written of a run of which nothing was finished."""
-        self._discard_half_written()
+        discard_half_written(self.path)
         if any((self.path / "episodes").glob("part-*.parquet")) or any((self.path / "evaluations").glob("*.parquet")):
             return
         for kind in ("latency", "trajectories", "layouts", "episodes"):
@@ -155,7 +155,7 @@ class Results:
             codes: the digests that parts name; what the manifest holds of others is dropped.
         """
         self.write_csv()
-        self._discard_half_written()
+        discard_half_written(self.path)
         manifest = self.manifest()
         kept = {digest: manifest["codes"][digest] for digest in codes if digest in manifest["codes"]}
         self._write_manifest({**manifest, "codes": kept, "ended": now()})
@@ -356,11 +356,6 @@ class Results:
 
     def _write_table(self, name: str, table: "pa.Table", code: str = "", **notes: str) -> None:
         parts.write(self.path, name, table, {CODE: code, **notes})
-
-    def _discard_half_written(self) -> None:
-        """Remove what processes that were killed had begun to write."""
-        for temporary in self.path.glob(f"*/{TEMPORARY}"):
-            temporary.unlink(missing_ok=True)
 
     def _write_manifest(self, manifest: Mapping[str, Any]) -> None:
         text = json.dumps({**manifest, "seal": OPEN.decode()}, indent=2) + "\n"

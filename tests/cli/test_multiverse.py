@@ -261,7 +261,11 @@ def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command
     assert command(*words, "n=256", "decide=0", "search=0", "workers=1", "out=once").code == 0
     assert command(*words, "n=128", "decide=0", "search=0", "workers=2", "out=again").code == 0
     (folder / "again/drawn-03-000000-008.parquet").unlink()
+    for name in ("", "seconds"):  # as a process that was killed leaves them
+        (folder / "again" / name / ".drawn-03-000000-016.parquet.7.tmp").write_bytes(b"PAR1 and then")
     assert command(*words, "n=256", "decide=0", "search=0", "workers=1", "out=again").code == 0
+    once, again = (sorted((folder / name).rglob("*")) for name in ("once", "again"))
+    assert [file.name for file in once] == [file.name for file in again]
     once, again = (sorted((folder / name).glob("*.parquet")) for name in ("once", "again"))
     assert len(once) == 32
     assert [(file.name, file.read_bytes()) for file in once] == [(file.name, file.read_bytes()) for file in again]

@@ -319,7 +319,7 @@ def test_a_file_that_a_full_disk_does_not_take_is_named_and_nothing_of_it_is_lef
     assert re.match(
         r"navbench: .*here/\w+/[\w.-]+.parquet: No space left on device: after \d+ of 30 episodes; ", done.err
     )
-    assert not list(tmp_path.rglob(files.TEMPORARY))
+    assert not list(tmp_path.rglob(".*.tmp"))
     monkeypatch.setattr(Path, "write_bytes", write)
     assert command(*GO, "workers=0", "episodes=30", "hydra.run.dir=here").code == 0
     run_plan(plan_of(30), tmp_path / "whole", 0)
@@ -334,6 +334,18 @@ def test_a_lock_that_a_full_disk_does_not_take_is_no_lock(tmp_path: Path, monkey
 
 
 # Power
+
+
+def test_what_a_killed_process_was_writing_in_place_of_a_file_is_gone_when_it_is_written(tmp_path: Path) -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    named = [f".a[1].md.{ended.pid}.tmp", f".a[1].md.{10**30}.tmp"]
+    stay = [f".a[1].md.{os.getppid()}.tmp", f".b.md.{ended.pid}.tmp", f".a1.md.{ended.pid}.tmp", ".a[1].md.0x.tmp"]
+    for name in (*named, *stay):  # of other processes that live, and of other files
+        (tmp_path / name).write_text("half")
+    files.keep(tmp_path / "a[1].md", b"whole")
+    assert {file.name for file in tmp_path.iterdir()} == {"a[1].md", *stay}
+    assert (tmp_path / "a[1].md").read_bytes() == b"whole"
 
 
 def test_a_part_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
