@@ -104,7 +104,7 @@ def isolation(effort: Effort) -> Table:
         plan = Plan(cells=tuple(cells[: effort.few(len(cells))]))
         found = rates({str(workers): by(plan, workers) for workers in (0, 1, 2)}, effort, cpu_of_all)
         for name, one in found.items():
-            more = [100.0 * (a / b - 1.0) for a, b in zip(found["0"], one, strict=True)]
+            more = [round(100.0 * (a / b - 1.0), 6) for a, b in zip(found["0"], one, strict=True)]  # sums of ticks
             rows.append((f"{simulator}, workers={name}", float(np.median(one)), median(more)))
     text = (
         f"A sweep of {', '.join(CONTROLLERS)} in {', '.join(WORLDS)}, results kept, in CPU seconds of all processes; "
