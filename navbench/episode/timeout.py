@@ -3,6 +3,9 @@
 import math
 import signal
 import time
+from functools import cache
+
+from numba.core import event
 
 EPISODE_STEPS = 20.0  # times what a step may take is what an episode may take
 CLOCK_STEPS = 10.0  # times that by the clock, for a step that waits and takes no CPU time
@@ -19,6 +22,8 @@ EXPIRED: dict[int, str] = {
     if hasattr(signal, name)
 }  # what a process died of that one of these signals ended
 
+TIMERS: list[int] = [signal.ITIMER_VIRTUAL, signal.ITIMER_PROF, signal.ITIMER_REAL] if EXPIRED else []
+
 _due_s = math.inf  # when the step must have ended, by the monotonic clock
 
 
@@ -31,6 +36,8 @@ class Timeout:
 
     def __init__(self, step_s: float | None) -> None:
         self._step_s = step_s if EXPIRED else None
+        if self._step_s is not None:
+            _pause_for_numba()
         self._episode_at_s = self._step_at_s = -1.0  # when the timers were last set
 
     def episode(self) -> None:
@@ -52,15 +59,41 @@ class Timeout:
             _due_s = now_s + CLOCK_STEPS * self._step_s
 
 
+class _Pause(event.Listener):  # type: ignore[misc,unused-ignore]
+    """Stops the timers while numba works on a function: nobody's step takes longer where nothing is compiled yet."""
+
+    def __init__(self) -> None:
+        self._depth, self._left_s, self._due_in_s = 0, dict.fromkeys(TIMERS, 0.0), math.inf
+
+    def on_start(self, event: event.Event) -> None:
+        """Stop the timers."""
+        if self._depth == 0:
+            self._due_in_s = _due_s - time.monotonic()
+            self._left_s = stop_timers()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Let them go on with what is left."""
+        global _due_s
+        self._depth -= 1
+        if self._depth == 0:
+            for timer, left_s in self._left_s.items():
+                signal.setitimer(timer, left_s)
+            _due_s = time.monotonic() + self._due_in_s
+
+
+@cache
+def _pause_for_numba() -> None:
+    event.register("numba:compiler_lock", _Pause())  # type: ignore[no-untyped-call,unused-ignore]
+
+
 def is_overdue() -> bool:
     """Return whether a step goes on that a signal should have ended; a controller may use these signals itself."""
     return time.monotonic() > _due_s + GRACE_S
 
 
-def stop_timers() -> None:
-    """Let nothing be timed any more."""
+def stop_timers() -> dict[int, float]:
+    """Let nothing be timed any more, and return what each timer had left [s], 0 for none."""
     global _due_s
     _due_s = math.inf
-    if EXPIRED:
-        for timer in (signal.ITIMER_VIRTUAL, signal.ITIMER_PROF, signal.ITIMER_REAL):
-            signal.setitimer(timer, 0.0)
+    return {timer: signal.setitimer(timer, 0.0)[0] for timer in TIMERS}

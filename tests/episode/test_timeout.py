@@ -3,6 +3,8 @@
 import time
 from typing import NamedTuple
 
+import numba
+import numpy as np
 import pytest
 
 from navbench.episode import timeout
@@ -34,6 +36,20 @@ def _take(steps: Steps) -> str:
     return "done"
 
 
+def _compile(limit_s: float) -> float:
+    """Return how often the limit of its only step a function takes to compile, and then run for too long if asked."""
+    limit, began_s = timeout.Timeout(limit_s), time.process_time()
+    limit.episode()
+    numba.njit(lambda a: np.sort(np.cumsum(a)))(np.arange(3.0))
+    return (time.process_time() - began_s) / limit_s
+
+
+def _compile_and_spin(limit_s: float) -> None:
+    _compile(limit_s)
+    while True:
+        pass
+
+
 @pytest.mark.parametrize(
     ("steps", "reason"),
     [
@@ -57,3 +73,9 @@ def test_many_steps_may_take_longer_than_one() -> None:
 
 def test_timers_do_not_outlive_their_batch() -> None:
     assert in_processes(_take, [Steps(0.2, 1, 0.0, 0.0), Steps(None, 1, 0.5, 0.0)], workers=1) == ["done", "done"]
+
+
+def test_compiling_is_not_timed_and_what_follows_is() -> None:
+    assert in_processes(_compile, [0.1], workers=1)[0] > 2
+    with pytest.raises(DescriptionError, match="a step took more CPU time than controller_timeout_s allows"):
+        in_processes(_compile_and_spin, [0.1], workers=1)

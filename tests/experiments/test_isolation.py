@@ -193,7 +193,7 @@ def test_a_batch_that_was_killed_is_missing_and_the_others_are_kept(own: Path) -
 
 
 def test_a_controller_that_uses_the_clocks_signal_itself_is_timed_all_the_same(own: Path) -> None:
-    failed = doomed_rows(run_it(own, "times itself", "controller_timeout_s=0.1"))
+    failed = doomed_rows(run_it(own, "times itself", "controller_timeout_s=0.2"))
     assert set(failed["reason"]) == {"a step waited longer than controller_timeout_s allows"}
     assert all("in fail" in said for said in failed["traceback"])
 
