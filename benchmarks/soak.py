@@ -9,7 +9,7 @@ Told are, of all robots: how deep one ever was in something before it ended (a m
 the bound), how far from touching one ended that is said to have hit something, by how much the instants of arrival are
 off, which arrivals were missed, and whether an end changes when something far away moves too.
 
-    python benchmarks/soak.py --scenes 2000 [--simulators planar,pybullet] [--first 0]
+    python -m benchmarks.soak --scenes 2000 [--simulators planar,pybullet] [--first 0]
 """
 
 import argparse
