@@ -20,7 +20,7 @@ paired difference (``newcombe_paired``) lies beyond what is allowed; a pair of i
 shrinks with more episodes. Where planar disagrees, the first control period is shown in which a robot was told
 something else, and what its ring measured there without noise.
 
-    python benchmarks/conformance.py --episodes 100 --worlds random_movers,lei_corner --workers 2 [--json]
+    python -m benchmarks.conformance --episodes 100 --worlds random_movers,lei_corner --workers 2 [--json]
 """
 
 import argparse
