@@ -37,7 +37,7 @@ def _take(steps: Steps) -> str:
 
 
 def _compile(limit_s: float) -> float:
-    """Return how often the limit of its only step a function takes to compile, and then run for too long if asked."""
+    """Return how many times the limit of a step a function takes to compile, in CPU time."""
     limit, began_s = timeout.Timeout(limit_s), time.process_time()
     limit.episode()
     numba.njit(lambda a: np.sort(np.cumsum(a)))(np.arange(3.0))
