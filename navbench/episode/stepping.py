@@ -10,7 +10,6 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numba.typed import List
 from numpy.typing import NDArray
 
 from navbench.compiled import compiled, compiled_without_lock, direct
@@ -18,7 +17,7 @@ from navbench.contract import Command, Observation, Setup
 from navbench.episode.loop import Drawn, EpisodeRunner
 from navbench.episode.perception import Perception, believe, read
 from navbench.episode.pilot import Pilot
-from navbench.memory import borrowed
+from navbench.memory import borrowed, handed
 from navbench.records import RobotRecord
 from navbench.simulation.motion import RUNNING, Pipeline, Scenery, advance, set_command
 from navbench.simulation.planar import ROWS, PlanarSimulator, read_ring
@@ -138,7 +137,7 @@ class Stepper:
             *errors, self._states[place],
         )  # fmt: skip
         if self._episodes is None:
-            self._episodes = _places_for(begun, len(self._runners))
+            self._episodes = handed(begun, len(self._runners))
         _put(self._episodes, place, begun)
         self.periods[place], self.begun[place] = 0, True
 
@@ -218,15 +217,6 @@ def _errors_of(sights: Sequence[Perception], first: int = 0) -> list[FloatArray]
     drawn = [sight.draw(BLOCK, 0) for sight in sights]
     travels = [np.pad(sight.draw_travel(BLOCK - first), ((first, 0), (0, 0))) for sight in sights]
     return [np.array([one.ranges for one in drawn]), np.array([one.dropouts for one in drawn]), np.array(travels)]
-
-
-@compiled
-def _places_for(episode: Episode, count: int) -> Any:
-    """Return a list of episodes, all of them this one."""
-    places = List()
-    for _ in range(count):
-        places.append(episode)
-    return places
 
 
 @compiled

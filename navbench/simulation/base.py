@@ -13,8 +13,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.compiled import direct
+from navbench.compiled import compiled, direct
 from navbench.contract import Pose
+from navbench.memory import borrowed, handed
 from navbench.records import Thing
 from navbench.robot import Robot
 from navbench.sensors import Sensors
@@ -150,9 +151,10 @@ class Simulator(ABC):
             goal_tolerance_m: how near the goal counts as arrived [m].
         """
         count = len(starts)
-        if layout is not self._layout or self.scene.fastest_mps > 0.0:
+        if layout is not self._layout:
             reach_m = self.robot.radius_m + max(self.rays.reach_m, self.robot.radius_m)
             self._layout, self.scene = layout, Scene(layout, reach_m)
+        self.scene.move_to(0.0)
         scene, self.robots = self.scene, np.zeros(count, ROBOT)
         begun = [(*start, *start, goal.x_m, goal.y_m, 1) for start, goal in zip(starts, layout.goals, strict=True)]
         for name, column in zip(_BEGUN, zip(*begun, strict=True), strict=True):
@@ -163,7 +165,7 @@ class Simulator(ABC):
         self.pipeline = (
             np.zeros((count, 2)), np.zeros((count, 2)), np.zeros(0), np.zeros((0, count, 2)), np.zeros(1, np.int64)
         )  # fmt: skip
-        self._reserved_s = math.inf
+        self._reserved_s, self._handed = math.inf, None
         self._unobstructed = np.tile(self.rays.unobstructed, (count, 1))
         self.active = list(range(count))
         self.build()
@@ -248,7 +250,7 @@ class Simulator(ABC):
         more = max(math.ceil(self._delay_s / period_s) + 2 - len(flight_s), 0)
         flight_s = np.concatenate([flight_s, np.zeros(more)])
         flight = np.concatenate([flight, np.zeros((more, *issued.shape))])
-        self.pipeline = issued, in_force, flight_s, flight, flying
+        self.pipeline, self._handed = (issued, in_force, flight_s, flight, flying), None
 
     def advance(self, t_s: float, dt_s: float) -> list[Event]:
         """Move everything through one control period and return the ends that came in it, in order of time.
@@ -258,7 +260,7 @@ class Simulator(ABC):
             dt_s: its length [s].
         """
         self.reserve(dt_s)
-        return self._ended(self._advance(*self._moving(), t_s, dt_s), dt_s)
+        return self._ended(self._advance(self._moved(), t_s, dt_s), dt_s)
 
     def period(self, t_s: float, dt_s: float) -> tuple[list[Event], FloatArray]:
         """Do as ``advance``, and return also what the ``ranges`` are then; arguments as there."""
@@ -297,9 +299,19 @@ class Simulator(ABC):
     def _moving(self) -> tuple[Any, ...]:
         return self.robots, self.pipeline, self.scene.arrays, self.fixed
 
+    def _moved(self) -> Any:
+        """Return what moves as one object: to hand over each array anew takes longer than the work."""
+        if self._handed is None:
+            self._handed = self._hand_over(self._moving(), 1)
+        return self._handed
+
+    @cached_property
+    def _hand_over(self) -> Callable[..., Any]:
+        return direct(handed, self._moving(), 1)
+
     @cached_property
     def _advance(self) -> Callable[..., int]:
-        return direct(advance, *self._moving(), 0.0, 0.0)
+        return direct(_advance_handed, self._moved(), 0.0, 0.0)
 
     def _thing(self, kind: int, row: int) -> Thing:
         """Return what has this row among the scene's things of a kind."""
@@ -331,3 +343,10 @@ class Simulator(ABC):
                 other_robots(self.robots, i, self.robot.radius_m, others)
                 discs = np.concatenate([scene.discs, others])
                 self.rays.blind_inside_things(ranges[i], robot, scene.boxes, discs, scene.polygons, scene.grid)
+
+
+@compiled
+def _advance_handed(moved: Any, t_s: float, dt_s: float) -> int:
+    """Do as ``advance``, with what moves handed over before."""
+    robots, pipeline, scenery, fixed = borrowed(moved[0])[:4]
+    return advance(robots, pipeline, scenery, fixed, t_s, dt_s)

@@ -14,7 +14,7 @@ from navbench.memory import borrowed
 from navbench.simulation.base import Simulator
 from navbench.simulation.contacts import Event
 from navbench.simulation.index import nearby
-from navbench.simulation.motion import Pipeline, Scenery, advance
+from navbench.simulation.motion import Scenery, advance
 from navbench.world.grid import ray_to_cell
 
 FloatArray = NDArray[np.float64]
@@ -34,8 +34,8 @@ class PlanarSimulator(Simulator):
     is_compiled = True
 
     def build(self) -> None:
-        """Make room for a robot's rays."""
-        self.beams = np.empty((ROWS, len(self.rays.table)))
+        """Make room for a robot's rays, and for what the rings read."""
+        self.beams, self._readings = np.empty((ROWS, len(self.rays.table))), np.empty_like(self._unobstructed)
 
     def place(self) -> None:
         """Do nothing: robots and movers are where their arrays say."""
@@ -49,46 +49,34 @@ class PlanarSimulator(Simulator):
     def ranges(self) -> FloatArray:
         """Return what the running robots' rings measure without noise: (n_robots, n_sensors) [m]."""
         ranges = self._unobstructed.copy()
-        self._read(self.robots, self.scene.arrays, *self._ring(ranges))
+        self._read(self.robots, self.scene.arrays, *self._ring(), ranges)
         return ranges
 
     def period(self, t_s: float, dt_s: float) -> tuple[list[Event], FloatArray]:
-        """Move everything and read the rings, in one call: to hand over the arrays takes longer than the work."""
+        """Move everything and read the rings, in one call; the next one writes into the same array of ranges."""
         self.reserve(dt_s)
-        rays, ranges = self.rays, self._unobstructed.copy()
-        running = self._move_and_read(
-            self.robots, self.pipeline, self.scene.arrays, self.fixed, t_s, dt_s,
-            rays.table, rays.reach_m, self.robot.radius_m, self.beams, ranges,
-        )  # fmt: skip
-        return self._ended(running, dt_s), ranges
+        return self._ended(self._move_and_read(self._moved(), t_s, dt_s), dt_s), self._readings
 
-    def _ring(self, ranges: FloatArray) -> tuple[Any, ...]:
-        return self.rays.table, self.rays.reach_m, self.robot.radius_m, self.beams, ranges
+    def _moving(self) -> tuple[Any, ...]:
+        return *super()._moving(), *self._ring(), self._unobstructed, self._readings
+
+    def _ring(self) -> tuple[Any, ...]:
+        return self.rays.table, self.rays.reach_m, self.robot.radius_m, self.beams
 
     @cached_property
     def _read(self) -> Callable[..., None]:
-        return direct(_read_rings, self.robots, self.scene.arrays, *self._ring(self._unobstructed))
+        return direct(_read_rings, self.robots, self.scene.arrays, *self._ring(), self._unobstructed)
 
     @cached_property
     def _move_and_read(self) -> Callable[..., int]:
-        return direct(_advance_and_read, *self._moving(), 0.0, 0.0, *self._ring(self._unobstructed))
+        return direct(_advance_and_read, self._moved(), 0.0, 0.0)
 
 
 @compiled
-def _advance_and_read(
-    robots: RobotArray,
-    pipeline: Pipeline,
-    scenery: Scenery,
-    fixed: NDArray[np.void],
-    t_s: float,
-    dt_s: float,
-    rays: NDArray[np.void],
-    reach_m: float,
-    radius_m: float,
-    beams: FloatArray,
-    ranges: FloatArray,
-) -> int:
-    """Do as ``advance``, and then as ``_read_rings``."""
+def _advance_and_read(moved: Any, t_s: float, dt_s: float) -> int:
+    """Do as ``advance``, and then as ``_read_rings``, with all that was handed over before."""
+    robots, pipeline, scenery, fixed, rays, reach_m, radius_m, beams, unobstructed, ranges = borrowed(moved[0])
+    ranges[:] = unobstructed
     running = advance(robots, pipeline, scenery, fixed, t_s, dt_s)
     _read_rings(robots, scenery, rays, reach_m, radius_m, beams, ranges)
     return running
