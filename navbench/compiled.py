@@ -16,18 +16,19 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import llvmlite
+import llvmlite.binding
 import numba
 import platformdirs
 from numba.core import serialize
 from numba.core.caching import NullCache
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 
@@ -122,7 +123,9 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
                 kept = (folder(self._digest) / self._name(sig, target_context.codegen())).read_bytes()
                 checksum, code = kept[:CHECKSUM_BYTES], kept[CHECKSUM_BYTES:]
                 if checksum == hashlib.sha256(code).digest():  # else it may end the process or compute wrongly
-                    return CompileResult._rebuild(target_context, *pickle.loads(code))  # type: ignore[no-untyped-call,unused-ignore]
+                    defined, parts = pickle.loads(code)
+                    with _lazily(target_context.codegen(), defined):
+                        return CompileResult._rebuild(target_context, *parts)  # type: ignore[no-untyped-call,unused-ignore]
         return None
 
     def save_overload(self, sig: Any, cres: Any) -> None:
@@ -134,7 +137,7 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
             file = _folder(self._digest) / self._name(sig, cres.codegen)
             temporary = file.with_name(f".{file.name}.{os.getpid()}")
             try:
-                code = _dumps(cres._reduce())
+                code = _dumps((_defined_by(cres.library), cres._reduce()))
                 temporary.write_bytes(hashlib.sha256(code).digest() + code)
                 os.replace(temporary, file)
             finally:
@@ -146,6 +149,52 @@ class _SourceCache(NullCache):  # type: ignore[misc,unused-ignore]
         name = (self._function.__module__, self._function.__qualname__, code.co_firstlineno)
         key = repr((*name, code.co_code, _dumps(closed), sig, codegen.magic_tuple()))
         return f"{self._function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:32]}"
+
+
+class _Library(JITCodeLibrary):  # type: ignore[misc,unused-ignore]
+    """Machine code that was kept, with bitcode that is parsed when it is linked into another function, if ever.
+
+    To parse it takes a fifth of a second for the loop alone, in each process.
+    """
+
+    bitcode = b""
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = llvmlite.binding.parse_bitcode(self.bitcode)  # type: ignore[no-untyped-call,unused-ignore]
+        return self._shared_module
+
+
+@contextmanager
+def _lazily(codegen: Any, defined: Collection[str]) -> Iterator[None]:
+    """Let numba read machine code as ``_Library`` does, of which these symbols are known."""
+
+    def read(state: tuple[str, str, tuple[bytes, bytes]]) -> Any:
+        name, _, (code, bitcode) = state
+        library: Any = _Library(codegen, name)  # type: ignore[no-untyped-call,unused-ignore]
+        library.bitcode = bitcode
+        library.enable_object_caching()
+        library._set_compiled_object(code)
+        library._finalize_final_module()
+        codegen._engine._defined_symbols.update(defined)
+        return library
+
+    codegen.unserialize_library = read
+    try:
+        yield
+    finally:
+        del codegen.unserialize_library
+
+
+def _defined_by(library: Any) -> list[str]:
+    """Return the symbols that a library's bitcode defines."""
+    module = library._get_module_for_linking()
+    return [
+        symbol.name
+        for kind in (module.functions, module.global_variables)
+        for symbol in kind
+        if not symbol.is_declaration
+    ]
 
 
 def _given(digest: str) -> Path:

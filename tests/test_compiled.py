@@ -138,6 +138,15 @@ def test_a_changed_function_of_another_file_is_compiled_into_all_that_call_it(tr
     assert said(start(tree)) == "20.0 1"
 
 
+def test_what_is_kept_is_compiled_into_a_new_caller(tree: Path) -> None:
+    said(start(tree))
+    (caller,) = (path for path in kept(tree.parent / "cache") if path.name.startswith("turn-"))
+    caller.unlink()
+    again = "; from navbench.mathematics.wrapping import wrap; print(*wrap.stats.cache_hits.values())"
+    assert said(start(tree, CALL.format(OURS) + again)) == "20.0 0\n1"
+    assert said(start(tree)) == "20.0 1"
+
+
 def test_a_users_function_notices_ours_and_the_files_beside_it(tree: Path) -> None:
     mine = tree.parent / "mine.py"
     mine.write_text(TURN.format("helper"))
