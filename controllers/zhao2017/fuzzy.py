@@ -12,8 +12,6 @@ Min for implication, max over the rules and the centroid are the usual reading o
 none. Where no rule fires, which sets without gaps exclude, both wheels stand.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 from navbench.fuzzy.describing import Columns, columns, membership_corners
@@ -65,8 +63,7 @@ def described(oa: FuzzyInference, to: FuzzyInference) -> dict[str, Columns]:
 
 def _rules(rules: OaRules | ToRules) -> list[tuple[str, str, str, str]]:
     """Return both halves of a table as one list of rules, in the order in which it is printed."""
-    tables: Mapping[str, Any] = asdict(rules)
-    left, right = tables["vL"], tables["vR"]
+    left, right = rules.vL, rules.vR
     return [(row, column, left[row][column], right[row][column]) for row in left for column in left[row]]
 
 

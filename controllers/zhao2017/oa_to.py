@@ -172,10 +172,8 @@ class OaTo(CompiledController):
         Raises:
             ValueError: a parameter is unknown, missing or out of range.
         """
-        chosen = describe(Navigation, navigation, "build.navigation")
-        special = describe(SpecialPhi, special_phi_rad, "build.special_phi_rad")
         self.oa, self.to = _oa_flc(oa_memberships, oa_rules), _to_flc(to_memberships, to_rules)
-        self._chosen = (astuple(chosen), astuple(special), self.oa.base, self.to.base)
+        self._chosen = (*_limits(navigation, special_phi_rad), self.oa.base, self.to.base)
 
     def make_policy(self, setup: Setup) -> Policy:
         """Return the policy for a robot and its ring.
@@ -194,6 +192,15 @@ class OaTo(CompiledController):
     def describe(self) -> dict[str, Columns]:
         """Return named tables for a report: memberships (Figs 3 and 5), rules (Tables 1 and 2)."""
         return described(self.oa, self.to)
+
+
+@remembered
+def _limits(navigation: Mapping[str, float], special_phi_rad: Mapping[str, float]) -> tuple[tuple[Any, ...], ...]:
+    """Return the values of ``Navigation`` and of ``SpecialPhi``."""
+    return (
+        astuple(describe(Navigation, navigation, "build.navigation")),
+        astuple(describe(SpecialPhi, special_phi_rad, "build.special_phi_rad")),
+    )
 
 
 @remembered

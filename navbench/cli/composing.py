@@ -65,7 +65,10 @@ class UserFolder(SearchPathPlugin):
 
 @contextmanager
 def composing(
-    config_dir: str | Path | None = None, things: Sequence[tuple[str, str, Mapping[str, Any]]] = ()
+    config_dir: str | Path | None = None,
+    things: Sequence[tuple[str, str, Mapping[str, Any]]] = (),
+    *,
+    in_halves: bool = True,
 ) -> Iterator["Composer"]:
     """Give what composes from navbench's own files, and from those of a folder, as after ``--config-dir``.
 
@@ -74,6 +77,7 @@ def composing(
     Args:
         config_dir: the folder.
         things: what stands in no file: of each its group, its name, and what its file would hold.
+        in_halves: as of ``Composer``.
 
     Raises:
         DescriptionError: there is no such directory, or a file in it cannot be used.
@@ -93,7 +97,7 @@ def composing(
             store.store(group=group, name=name, node=values)
         try:
             with initialize_config_module("navbench.conf", job_name="navbench", version_base="1.3"):
-                yield Composer()
+                yield Composer(in_halves=in_halves)
         except (HydraException, OmegaConfBaseException) as error:
             for folder in (config_dir, CONF):  # where the file may lie of which it speaks
                 error.add_note(str(folder or CONF))
@@ -107,11 +111,14 @@ def composing(
 
 
 class Composer:
-    """Composes, while ``composing``."""
+    """Composes, while ``composing``.
 
-    def __init__(self) -> None:
-        """Begin with nothing composed."""
-        self._side = cache(self._compose_side)
+    Args:
+        in_halves: whether runs are put together from halves, each of which is composed once: of many it is faster.
+    """
+
+    def __init__(self, *, in_halves: bool = True) -> None:
+        self._side, self._in_halves = cache(self._compose_side), in_halves
 
     def command(self, name: str, words: Sequence[str], *, sweep: bool = False) -> tuple[Iterator[Composed], Path]:
         """Return what a command line asks for, in the order of a sweep, and where its results are to go.
@@ -149,7 +156,7 @@ class Composer:
         A run is composed in two halves where these have nothing to do with each other, as nearly always: of many runs
         each half stands in several.
         """
-        return (self._halves(words) if name == "run" else None) or self._whole(name, words)
+        return (self._halves(words) if name == "run" and self._in_halves else None) or self._whole(name, words)
 
     def text(self, name: str, words: Sequence[str]) -> str:
         """Return a composed configuration as YAML, as it is before it is checked."""

@@ -124,7 +124,7 @@ def compose_tuning(overrides: Sequence[str], config_dir: str | Path | None = Non
         HydraException: an unknown choice or key.
         DescriptionError: a value is wrong; one line names the key, its value and what is allowed.
     """
-    with composing(config_dir) as composer:
+    with composing(config_dir, in_halves=False) as composer:
         (composed,), path = composer.command("tune", overrides)
         return tuning_of(composed, overrides, composer), path, where_of(composed.values)
 

@@ -3,13 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navbench.cli.catalogue import CONF
 from navbench.cli.progress import tell
+from navbench.cli.run import DRIVING
 from navbench.cli.words import sort_words
-from navbench.experiments.tunings import Tuning
+from navbench.experiments.engines import start
 from navbench.validation import DescriptionError
+
+if TYPE_CHECKING:
+    from navbench.experiments.store import Results
+    from navbench.experiments.tunings import Tuning
 
 HELP = """navbench tune controller=NAME tuner=NAME [...]: search a controller's parameters for the least cost
 
@@ -35,6 +40,8 @@ def tune(arguments: Sequence[str]) -> int:
     words = sort_words(arguments, ("--config-dir", "--cfg", "--overwrite"))
     if words.names:
         raise DescriptionError(f"{words.names[0]}: unknown word; tune takes key=value, such as tuner=pso")
+    if not words.cfg and "workers=0" not in words.overrides:
+        start(DRIVING)  # while this process imports and composes
     from navbench.cli.composing import composing, key_of
     from navbench.cli.flow import carry_out
     from navbench.cli.study_configuration import compose_tuning
@@ -42,7 +49,6 @@ def tune(arguments: Sequence[str]) -> int:
     from navbench.cli.tuned import write_controller
     from navbench.experiments.plan import Plan
     from navbench.experiments.running import best_of
-    from navbench.experiments.store import Results
     from navbench.report.figures import save_convergence
 
     if words.cfg:
@@ -53,7 +59,7 @@ def tune(arguments: Sequence[str]) -> int:
         raise DescriptionError("tune: name a controller, such as controller=pid")
     tuning, path, where = compose_tuning(words.overrides, words.config_dir)
 
-    def finish(results: Results) -> None:
+    def finish(results: "Results") -> None:
         save_convergence(results, path / "convergence.png")
         index, cost, best = best_of(results, tuning)
         file = write_controller(tuning, best, path, words.overrides)
@@ -87,7 +93,7 @@ def _use(file: Path, inherited: str, config_dir: str | None) -> str:
     return f"use it with --config-dir {file.parents[1]} controller={file.stem}"
 
 
-def _changes(tuning: Tuning, best: dict[str, Any]) -> str:
+def _changes(tuning: "Tuning", best: dict[str, Any]) -> str:
     """Return the best parameters, a line each, or where they are many, how many of them the search changed."""
     if len(best) <= SHOWN_MAX:
         return "\n".join(f"  {name}: {v:.6g}" if isinstance(v, float) else f"  {name}: {v}" for name, v in best.items())

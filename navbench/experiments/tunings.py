@@ -215,7 +215,7 @@ class TuningRecord(NamedTuple):
             "robots": [evaluation.robots for evaluation in self.evaluations],
         }
         for side, values in zip(self.dimensions, self.values.T.tolist(), strict=True):
-            columns[side.name] = [side.parameter(value) for value in values]
+            columns[side.name] = list(map(side.parameter, values))
         return columns
 
 

@@ -8,6 +8,7 @@ closed form; where two cut terms cross need not be known.
 """
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,12 +107,17 @@ def _in_cells(edges: FloatArray, corners: FloatArray, smooth: NDArray[np.bool_])
     return lowest, slope, bend, begin, end - begin
 
 
+@cache
+def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.triu_indices(count, 1)
+
+
 def _crossings(edges: FloatArray, corners: FloatArray, smooth: NDArray[np.bool_]) -> FloatArray:
     """Return where two terms cross between two neighbouring edges."""
     lowest, slope, bend, _, width = _in_cells(edges, corners, smooth)
     falls = width < 0.0  # such a term is counted from the left too here
     lowest, slope = np.where(falls, lowest + slope + bend, lowest), np.where(falls, -slope - 2.0 * bend, slope)
-    one, other = np.triu_indices(len(smooth), 1)
+    one, other = _pairs(len(smooth))
     e, p, q = (of[:, one] - of[:, other] for of in (lowest, slope, bend))
     with np.errstate(divide="ignore", invalid="ignore"):  # of lines, and of terms that do not meet
         root = -0.5 * (p + np.copysign(np.sqrt(p * p - 4.0 * q * e), p))

@@ -145,7 +145,8 @@ class Choice:
             ValueError: the place lies outside.
         """
         _check_unit(self.name, unit)
-        return float(min(int(unit * self.levels), self.levels - 1))
+        levels = len(self.choices)
+        return float(min(int(unit * levels), levels - 1))
 
     def unit_at(self, value: float) -> float:
         """Return the middle of the share of a choice, given by its index.
@@ -223,11 +224,13 @@ def _repaired(sides: Sequence[Side], values: Sequence[float], repair: Repair) ->
     """Return values after their repair, or refuse what the repair does."""
     names = [side.name for side in sides]
     try:
-        new = {name: float(value) for name, value in repair(dict(zip(names, values, strict=True))).items()}
-        if set(new) != set(names):
+        given = dict(zip(names, values, strict=True))
+        new = {name: float(value) for name, value in repair(dict(given)).items()}
+        if new.keys() != given.keys():
             raise ValueError(f"must return a value for each of the {len(names)} names that it is given, and no other")
         for side in sides:
-            side.unit_at(new[side.name])
+            if new[side.name] != given[side.name]:
+                side.unit_at(new[side.name])
     except ValueError as error:
         raise ValueError(f"controller.repair: {error}") from None
     except Exception as error:  # a user's repair may raise anything
