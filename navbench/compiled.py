@@ -35,13 +35,16 @@ from numba.core.dispatcher import Dispatcher
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _dumps: Callable[[Any], bytes] = serialize.dumps  # pickles what a closure and machine code hold
+COMPILES: bool = not getattr(numba.config, "DISABLE_JIT", 0)  # else ``compiled`` leaves functions as they are
 ABOVE = ("experiments", "analysis", "report", "cli", "gym")  # packages that nothing compiled imports
 CHECKSUM_BYTES = hashlib.sha256().digest_size  # before the machine code in its file
 FOLDERS_MAX = 40  # states of the sources whose machine code is kept, the last used ones
 
 
 def compiled(function: Function, **options: Any) -> Function:
-    """Compile a function at its first call with arguments of new types; ``NUMBA_DISABLE_JIT=1`` leaves it Python.
+    """Compile a function at its first call with arguments of new types.
+
+    ``NUMBA_DISABLE_JIT=1`` leaves it Python, for a debugger; episodes need all of them compiled.
 
     Args:
         function: takes and returns what numba can type; it may call other compiled functions, of any file.

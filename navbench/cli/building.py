@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 from pydantic.dataclasses import is_pydantic_dataclass
 
+from navbench.compiled import COMPILES
 from navbench.contract import Controller
 from navbench.episode.isolation import let_interrupt
 from navbench.importing import import_named, without_exit
@@ -71,6 +72,8 @@ def simulator_class(target: Any) -> type[Simulator]:
     Raises:
         DescriptionError: it names no such class.
     """
+    if not COMPILES:
+        raise DescriptionError("NUMBA_DISABLE_JIT: must not be set: robots move and sense in compiled code")
     found = located("simulator._target_", target, ())
     if not (inspect.isclass(found) and issubclass(found, Simulator)):
         raise DescriptionError(f"simulator._target_={target}: must name a subclass of {Simulator.__module__}.Simulator")

@@ -105,7 +105,7 @@ def _version_of(package: str) -> str:
 def _compiler() -> Line:
     numba: Any = import_module("numba")
     if numba.config.DISABLE_JIT:
-        return Line("note", "NUMBA_DISABLE_JIT is set: compiled functions run in Python, a hundred times as long")
+        return Line("FAIL", "NUMBA_DISABLE_JIT is set: robots move and sense in compiled code; unset it")
     numba.njit(lambda: 0)()
     return Line("ok", f"numba {numba.__version__} compiles")
 

@@ -1,8 +1,11 @@
 """``navbench doctor``: what works here and what is missing, a line each."""
 
 import importlib.metadata
+import os
 import re
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from commands import Command
@@ -86,3 +89,20 @@ def test_doctor_takes_no_words_but_help(command: Command) -> None:
     assert command("doctor", "--help").out == module.HELP
     done = command("doctor", "sflc")
     assert (done.code, done.err) == (2, "navbench: doctor sflc: unknown word; doctor takes none\n")
+
+
+def test_without_compiled_functions_no_run_begins(tmp_path: Path) -> None:
+    def said(*words: str) -> tuple[int, str]:
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+        command = [sys.executable, "-m", "navbench", *words]
+        done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+        return done.returncode, done.stdout + done.stderr
+
+    code, line = said("controller=go_to_goal", "world=corner", "simulator=planar")
+    assert (code, line) == (2, "navbench: NUMBA_DISABLE_JIT: must not be set: robots move and sense in compiled code\n")
+    assert list(tmp_path.iterdir()) == []
+    code, lines = said("doctor")
+    assert code == 3
+    assert (
+        lines_of(lines)["compiler"] == "FAIL NUMBA_DISABLE_JIT is set: robots move and sense in compiled code; unset it"
+    )
