@@ -38,7 +38,8 @@ class Drawn(NamedTuple):
         u: (rows, dimensions) where each lies.
         names: of the dimensions.
         reaches: for each claim the dimensions that may change it.
-        moved: rows in which each dimension is moved alone, of those with ``moved`` -1; empty for none.
+        moved: rows in which each dimension is moved alone, of those with ``moved`` -1, with what the claims do that
+            ``undecided`` names; empty for none.
     """
 
     rows: "pd.DataFrame"
@@ -58,7 +59,7 @@ class Drawn(NamedTuple):
     def flips(self, claim: str) -> dict[str, Estimate]:
         """Return for each dimension with what probability moving it alone turns a claim; those that cannot left out."""
         found = {}
-        if len(self.moved):
+        if f"code:{claim}" in self.moved:
             still = self._by_scramble(self.moved[self.moved["moved"] == -1], claim) == HOLDS
             for i in self.reaches[claim]:
                 other = self._by_scramble(self.moved[self.moved["moved"] == i], claim) == HOLDS
@@ -99,8 +100,7 @@ class Shares(NamedTuple):
     @property
     def told(self) -> Estimate:
         """The share that the verdict goes by: of admissible reconstructions where there are enough, else of all."""
-        enough = self.admissible is not None and self.admissible.n >= CASES_MIN
-        return self.admissible if enough and self.admissible is not None else self.all
+        return _told(self.all, self.admissible)
 
     @property
     def verdict(self) -> str:
@@ -138,6 +138,21 @@ def shares_of(
         for entry in claims
         if entry.kind != KIND
     ]
+
+
+def undecided(drawn: Drawn, claims: Sequence[Entry], multiverse: Multiverse) -> list[str]:
+    """Return the claims of which it is asked what decides them: that hold in some reconstructions, not nearly all."""
+    admissible = admissible_of(drawn, claims)
+    found = []
+    for entry in claims:
+        holds = drawn.codes(entry.name) == HOLDS
+        if entry.kind == KIND or not 0 < holds.sum() < holds.size:
+            continue
+        of_all = share_of_scrambles(holds)
+        told = _told(of_all, None if entry.name in multiverse.implied else _share(holds.ravel()[admissible]))
+        if CONTRADICTED < of_all.value < ROBUST or (told.low < ROBUST and told.high > CONTRADICTED):
+            found.append(entry.name)
+    return found
 
 
 def admissible_of(drawn: Drawn, claims: Sequence[Entry]) -> BoolArray:
@@ -186,6 +201,10 @@ def _shares(
         else _most(drawn, entry.name, lambda x, rng: pawn_null(x[associated], flat[associated], rng)),
         found=found,
     )
+
+
+def _told(of_all: Estimate, admissible: Estimate | None) -> Estimate:
+    return admissible if admissible is not None and admissible.n >= CASES_MIN else of_all
 
 
 def _share(holds: BoolArray) -> Estimate | None:

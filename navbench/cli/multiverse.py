@@ -13,6 +13,7 @@ from navbench.cli.words import sort_words
 from navbench.validation import DescriptionError, instead
 
 if TYPE_CHECKING:
+    from navbench.analysis.shares import Drawn
     from navbench.cli.reconstructions import Reconstructions
     from navbench.experiments.samples import Samples
 
@@ -49,16 +50,17 @@ def multiverse(arguments: Sequence[str]) -> int:
     name = words.names[0]
     placed = [word for word in words.overrides if re.match(r"(engine|workers)\b", word)]
     options = _options([word for word in words.overrides if word not in placed])
+    from navbench.analysis.shares import undecided
     from navbench.cli.engine import where
     from navbench.cli.errors import one_line
     from navbench.cli.flow import INTERRUPTED
     from navbench.cli.prior import prior_of, reconstructions_of
     from navbench.cli.progress import UNFINISHED, complain, progress, tell
     from navbench.cli.reconstructions import Reconstructions
-    from navbench.cli.sampling import BLOCKS, blocks_of
+    from navbench.cli.sampling import BLOCKS, Block, drawn_blocks, moved_blocks
     from navbench.experiments.engines import in_processes, run
     from navbench.experiments.files import locked
-    from navbench.experiments.samples import PRIOR, Samples
+    from navbench.experiments.samples import MOVED, PRIOR, Samples
     from navbench.experiments.workers import MachineError
 
     chosen = where(placed, words.config_dir, "multiverse")
@@ -71,20 +73,28 @@ def multiverse(arguments: Sequence[str]) -> int:
     (unmeasured,) = in_processes(Reconstructions.unmeasured, [of], chosen["workers"], attrgetter("foreign"))
     for claim, why in unmeasured.items():
         complain(f"{claim}: has no case in the study's own reconstruction; {why}")
-    blocks = blocks_of(of, options["seed"], options["n"], options["decide"])
-    total = done = sum(block.size for block in blocks)
+    total, done = options["n"] + options["decide"], 0
+
+    def run_missing(blocks: Sequence[Block]) -> None:
+        nonlocal done
+        todo = [block for block in blocks if not samples.has(block.name, block.claims)]
+        done += sum(block.size for block in blocks) - sum(block.size for block in todo)
+        for index, columns in run(BLOCKS, todo, **chosen):
+            samples.write(todo[index].name, columns)
+            done += todo[index].size
+            told("reconstructions", done, total)
+
     try:
         with locked(samples.path), progress() as told:
             samples.begin(prior_of(of, options["seed"], options["prior"]), other_code=words.other_code)
             for file in samples.discard_damaged():
                 complain(f"{file}: damaged, and made anew")
-            todo = [block for block in blocks if not samples.has(block.name)]
-            done -= sum(block.size for block in todo)
-            for index, columns in run(BLOCKS, todo, **chosen):
-                samples.write(todo[index].name, columns)
-                done += todo[index].size
-                told("reconstructions", done, total)
-            files = _finish(of, samples, inner, options["search"], chosen["workers"], told)
+            run_missing(drawn_blocks(of, options["seed"], options["n"]))
+            drawn = _drawn(of, samples)
+            asked = undecided(drawn, of.claims, of.multiverse)
+            run_missing(moved_blocks(of, options["seed"], options["decide"], asked))
+            drawn = drawn._replace(moved=samples.even(MOVED, asked))
+            files = _finish(of, samples, drawn, inner, options["search"], chosen["workers"], told)
     except (KeyboardInterrupt, OSError, MachineError, MemoryError) as error:  # of a full disk, say
         if isinstance(error, OSError) and not (samples.path / PRIOR).is_file():  # nothing was begun
             raise
@@ -99,9 +109,25 @@ def multiverse(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _drawn(of: "Reconstructions", samples: "Samples") -> "Drawn":
+    """Return the sample that is there."""
+    import pandas as pd
+
+    from navbench.analysis.shares import Drawn
+    from navbench.cli.sampling import places
+    from navbench.experiments.samples import DRAWN
+
+    rows = samples.even(DRAWN)
+    if rows.empty:
+        raise DescriptionError(f"{samples.path}: not every scramble has a reconstruction yet")
+    u = places(samples.prior()["seed"], len(of.names), rows)
+    return Drawn(rows, u, of.names, of.reaches, pd.DataFrame())
+
+
 def _finish(
     of: "Reconstructions",
     samples: "Samples",
+    drawn: "Drawn",
     inner: Sequence[str],
     budget: int,
     workers: int | None,
@@ -109,18 +135,12 @@ def _finish(
 ) -> list[Path]:
     """Write what the reconstructions say, of another prior into an inner folder, and return the files of the report."""
     from navbench.analysis.fitting import fit, in_sample
-    from navbench.analysis.shares import Drawn
-    from navbench.cli.sampling import places
     from navbench.cli.searching import STARTS, Evaluation, Searches, codes_at
     from navbench.experiments.engines import in_processes
-    from navbench.experiments.samples import DRAWN, MOVED
     from navbench.report.joined import read_claims
     from navbench.report.multiverse import Search, Told, write_multiverse
 
-    rows, prior, name = samples.even(DRAWN), samples.prior(), str(of.study["name"])
-    if rows.empty:
-        raise DescriptionError(f"{samples.path}: not every scramble has a reconstruction yet")
-    drawn = Drawn(rows, places(prior["seed"], len(of.names), rows), of.names, of.reaches, samples.even(MOVED))
+    prior, name = samples.prior(), str(of.study["name"])
     searches = Searches(of, drawn, samples, seed=prior["seed"], evaluations=budget, workers=workers, told=progress)
     best = fit(searches.claims, searches.meet if budget and searches.free else in_sample(drawn))
     out = Path("results") / name
@@ -134,7 +154,7 @@ def _finish(
         name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
         best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),
     )  # fmt: skip
-    samples.publish(rows, out.joinpath("multiverse", *inner))
+    samples.publish(drawn.rows, out.joinpath("multiverse", *inner))
     files = write_multiverse(told, out.joinpath("multiverse", *inner))
     return files
 

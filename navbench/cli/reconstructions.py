@@ -6,7 +6,7 @@ plausible. A value that a cell's own overrides set is that cell's purpose, and s
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -103,6 +103,12 @@ class Told(NamedTuple):
     steps: int
     possible: bool = True
 
+    def copy_from(self, other: "Told", claims: Sequence[int]) -> None:
+        """Say of some claims what another one says."""
+        self.codes[claims], self.values[claims], self.counts[claims] = (
+            other.codes[claims], other.values[claims], other.counts[claims],
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class Reconstructions:
@@ -147,23 +153,23 @@ class Reconstructions:
         return [*(factor.name for factor in self.factors), *(choice.name for choice in self.choices)]
 
     @cached_property
-    def touched(self) -> list[tuple[frozenset[int], frozenset[int]]]:
-        """For each dimension the places of the cells that it moves, and of the claims that it may change."""
+    def touched(self) -> list[frozenset[int]]:
+        """For each dimension the places of the claims that it may change."""
         found = []
         for i in range(len(self.factors)):
-            cells = {k for k, one in enumerate(self.cells) if any(i in self.parts[p].factors for p in one.parts)}
-            found.append((frozenset(cells), self._using(cells)))
+            moved = {k for k, one in enumerate(self.cells) if any(i in self.parts[p].factors for p in one.parts)}
+            found.append(self._using(moved))
         for choice in self.choices:
             tuned = set() if choice.of else {k for k, one in enumerate(self.cells) if one.cell.tuning}
             own = {k for k, entry in enumerate(self.claims) if entry.name == choice.of}
-            found.append((frozenset(tuned), self._using(tuned) | own))
+            found.append(self._using(tuned) | own)
         return found
 
     @property
     def reaches(self) -> dict[str, list[int]]:
         """For each claim the dimensions that may change it."""
         return {
-            entry.name: [i for i, (_, claims) in enumerate(self.touched) if k in claims]
+            entry.name: [i for i, claims in enumerate(self.touched) if k in claims]
             for k, entry in enumerate(self.claims)
         }
 
@@ -189,28 +195,30 @@ class Reconstructions:
         run.tell(range(len(self.claims)))
         return run.errors
 
-    def tell_changed(self, u: NDArray[np.float64], others: NDArray[np.float64]) -> Iterator[tuple[int, Told]]:
+    def tell_changed(
+        self, u: NDArray[np.float64], others: NDArray[np.float64], claims: Collection[str]
+    ) -> Iterator[tuple[int, Told]]:
         """Run a reconstruction, and again with each dimension moved alone; yield (-1, all) and then (dimension, Told).
 
-        What a dimension cannot change is not run again, and its codes are those of the first.
+        What moving a dimension does not change is not run again, and its codes are those of the first. A dimension
+        that no claim hangs on is left out.
 
         Args:
             u: (d,) where it lies.
             others: (d,) to where each dimension is moved.
+            claims: the names of those that are asked.
         """
+        asked = {k for k, entry in enumerate(self.claims) if entry.name in claims}
         first = _Run(self, u)
-        told = first.tell(range(len(self.claims)))
+        told = first.tell(sorted(asked))
         yield -1, told
-        for i, (cells, claims) in enumerate(self.touched):
-            moved = u.copy()
-            moved[i] = others[i]
-            again = _Run(self, moved, {k: run for k, run in first.runs.items() if k not in cells})
-            changed = again.tell(sorted(claims))
-            kept = [k for k in range(len(self.claims)) if k not in claims]
-            changed.codes[kept], changed.values[kept], changed.counts[kept] = (
-                told.codes[kept], told.values[kept], told.counts[kept],
-            )  # fmt: skip
-            yield i, changed
+        for i, touched in enumerate(self.touched):
+            if touched & asked:
+                moved = u.copy()
+                moved[i] = others[i]
+                changed = _Run(self, moved, first if told.possible else None).tell(sorted(touched & asked))
+                changed.copy_from(told, sorted(asked - touched))
+                yield i, changed
 
 
 @dataclass(slots=True)
@@ -234,44 +242,69 @@ class _CellRun:
 
 
 class _Run:
-    """One reconstruction under way."""
+    """One reconstruction under way.
 
-    def __init__(
-        self, of: Reconstructions, u: NDArray[np.float64] | None, runs: Mapping[int, _CellRun] | None = None
-    ) -> None:
-        self.of, self.u = of, u
-        self.runs: dict[int, _CellRun] = dict(runs or {})
+    Args:
+        of: which it is one of.
+        u: where it lies; None for the study's own.
+        first: another one, of which all is taken that is the same.
+    """
+
+    def __init__(self, of: Reconstructions, u: NDArray[np.float64] | None, first: "_Run | None" = None) -> None:
+        self.of, self.u, self._first = of, u, first
+        self.told = of.nothing(possible=True)
         self.errors: dict[str, str] = {}  # why a claim could not be measured, by its name
+        self._runs: dict[int, _CellRun] = {}
         self._made: dict[int, Made] = {}
         self.episodes = self.steps = 0
 
     def tell(self, claims: Sequence[int]) -> Told:
         """Return what some claims say; where no such cells can be made, as of a robot in a wall, they say nothing."""
         try:
-            return self._tell(claims)
+            self.told = self._tell(claims)
         except DescriptionError:
-            return self.of.nothing(possible=False)
+            self.told = self.of.nothing(possible=False)
+        return self.told
 
     def _tell(self, claims: Sequence[int]) -> Told:
         of = self.of
         told = of.nothing(possible=True)
-        open_claims, before = list(claims), 0
+        open_claims, before = [k for k in claims if not self._take_over(k, told)], 0
         for size in of.episodes:
             open_claims = [k for k in open_claims if any(of.cells[i].cell.episodes > before for i in of.uses[k])]
             for index in sorted({i for k in open_claims for i in of.uses[k]}):
                 self._extend(index, size)
-            runs = self.runs.values()
+            runs = self._runs.values()
             there = [(run.cell, run.key, [pair for one in run.records[:size] for pair in one]) for run in runs]
             sample = Sample(of.study, there, of.places)
             open_claims, before = [k for k in open_claims if not self._judge(sample, k, told)], size
         return told._replace(episodes=self.episodes, steps=self.steps)
 
+    def _take_over(self, index: int, told: Told) -> bool:
+        """Keep what the first run says of a claim, and return whether it does: all that the claim hangs on is there."""
+        first, name = self._first, self.of.claims[index].name
+        if first is None or self._chosen(name) != first._chosen(name):
+            return False
+        same = all(map(self._is_same, self.of.uses[index]))
+        if same:
+            told.copy_from(first.told, [index])
+        return same
+
+    def _is_same(self, index: int) -> bool:
+        """Return whether a cell is the same in the first run."""
+        first, drawn = self._first, self.of.cells[index]
+        if first is None or (drawn.cell.tuning and self._chosen("") != first._chosen("")):
+            return False
+        return all(self._part(place) is first._part(place) for place in drawn.parts)
+
     def _extend(self, index: int, size: int) -> None:
         """Run a cell's episodes up to a size."""
-        if index not in self.runs:
+        if index not in self._runs and self._first is not None and self._is_same(index):
+            self._runs[index] = self._first._runs[index]
+        elif index not in self._runs:
             cell = self._cell(index)
-            self.runs[index] = _CellRun(cell, cell.key())
-        records = self.runs[index].extend(size)
+            self._runs[index] = _CellRun(cell, cell.key())
+        records = self._runs[index].extend(size)
         self.episodes += sum(record.robot_index == 0 for record in records)
         self.steps += sum(len(record.states) - 1 for record in records)
 
@@ -294,7 +327,7 @@ class _Run:
     def _cell(self, index: int) -> Cell:
         """Return a cell as this reconstruction has it."""
         drawn = self.of.cells[index]
-        cell = rebuilt(drawn.cell, dict(self._part(place) for place in drawn.parts))
+        cell = rebuilt(drawn.cell, {self.of.parts[place].part: self._part(place) for place in drawn.parts})
         if cell.tuning:
             seed = self._chosen("").get("seed", min(drawn.gains))
             seed = seed if seed in drawn.gains else min(drawn.gains)
@@ -308,13 +341,16 @@ class _Run:
         places = zip(self.of.choices, self.u[len(self.of.factors) :], strict=True)
         return {choice.word: choice.at(float(u)) for choice, u in places if choice.of == of}
 
-    def _part(self, index: int) -> tuple[str, Made]:
-        """Return which part it is, and what is made of it in this reconstruction."""
-        one = self.of.parts[index]
+    def _part(self, index: int) -> Made:
+        """Return what is made of a part in this reconstruction: that of the first run where it is the same."""
         if index not in self._made:
+            one, first = self.of.parts[index], None if self._first is None else self._first._part(index)
             moving = [] if self.u is None else [(self.of.factors[i], float(self.u[i])) for i in one.factors]
-            self._made[index] = made_part(one.part, one.thing, moved(one.part, one.configuration, moving, one.own))
-        return one.part, self._made[index]
+            values = moved(one.part, one.configuration, moving, one.own)
+            if first is None or first.values != values:
+                first = made_part(one.part, one.thing, values)
+            self._made[index] = first
+        return self._made[index]
 
 
 def _code(claim: Claim, figure: Estimate) -> int:

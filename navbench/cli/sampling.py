@@ -1,7 +1,7 @@
 """Reconstructions drawn from scrambled Sobol sequences, in blocks that any process can run."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from navbench.cli.reconstructions import Reconstructions, Told
 from navbench.experiments.engines import Work
-from navbench.experiments.samples import DRAWN, MOVED
+from navbench.experiments.samples import CODE, DRAWN, MOVED, VALUE
 from navbench.experiments.workers import Death, MachineError
 from navbench.mathematics.sensitivity import saltelli
 from navbench.validation import DescriptionError
@@ -33,6 +33,7 @@ class Block(NamedTuple):
         scramble: which one.
         first: the index of the first reconstruction.
         size: how many.
+        claims: the names of those that are asked.
     """
 
     of: Reconstructions
@@ -41,6 +42,7 @@ class Block(NamedTuple):
     scramble: int
     first: int
     size: int
+    claims: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -48,20 +50,30 @@ class Block(NamedTuple):
         return f"{self.kind}-{self.scramble:02d}-{self.first:06d}-{self.size:03d}"
 
 
-def blocks_of(of: Reconstructions, seed: int, drawn: int, moved: int) -> list[Block]:
-    """Return all blocks, those that lie first in their scrambles before others, so that any beginning is a sample.
+def drawn_blocks(of: Reconstructions, seed: int, count: int) -> list[Block]:
+    """Return the blocks of a sample, those that lie first in their scrambles before others: any beginning is a sample.
 
     Args:
         of: what is drawn.
         seed: of the multiverse.
-        drawn: how many reconstructions in all, a multiple of ``SCRAMBLES * BLOCK``.
-        moved: in how many each dimension is moved alone, a multiple of ``SCRAMBLES``.
+        count: how many reconstructions in all, a multiple of ``SCRAMBLES * BLOCK``.
     """
-    found = []
-    for kind, total, size in ((DRAWN, drawn, BLOCK), (MOVED, moved, 1)):
-        for first in range(0, total // SCRAMBLES, size):
-            found += [Block(of, kind, seed, k, first, size) for k in range(SCRAMBLES)]
-    return found
+    claims = tuple(entry.name for entry in of.claims)
+    firsts = range(0, count // SCRAMBLES, BLOCK)
+    return [Block(of, DRAWN, seed, k, first, BLOCK, claims) for first in firsts for k in range(SCRAMBLES)]
+
+
+def moved_blocks(of: Reconstructions, seed: int, count: int, claims: Sequence[str]) -> list[Block]:
+    """Return the blocks in whose reconstructions each dimension is moved alone, in the order of ``drawn_blocks``.
+
+    Args:
+        of: what is drawn.
+        seed: of the multiverse.
+        count: in how many reconstructions in all, a multiple of ``SCRAMBLES``.
+        claims: the names of those that are asked; without any there is nothing to do.
+    """
+    firsts = range(count // SCRAMBLES if claims else 0)
+    return [Block(of, MOVED, seed, k, first, 1, tuple(claims)) for first in firsts for k in range(SCRAMBLES)]
 
 
 @lru_cache(maxsize=2 * SCRAMBLES)
@@ -91,7 +103,7 @@ def places(seed: int, dimensions: int, rows: "pd.DataFrame") -> NDArray[np.float
 def run_block(block: Block) -> dict[str, Any]:
     """Run a block's reconstructions and return a column of each thing that is kept of them."""
     rows = list(_rows(block))
-    names = [entry.name for entry in block.of.claims]
+    chosen = [k for k, entry in enumerate(block.of.claims) if entry.name in block.claims]
     columns: dict[str, Any] = {
         "scramble": np.full(len(rows), block.scramble, np.int16),
         "index": np.array([index for index, _, _, _ in rows], np.int32),
@@ -100,12 +112,10 @@ def run_block(block: Block) -> dict[str, Any]:
     }
     for name in ("possible", "episodes", "steps"):
         columns[name] = np.array([getattr(told, name) for _, _, told, _ in rows], np.int32)
-    codes = np.array([told.codes for _, _, told, _ in rows], np.int8)
-    columns |= {f"code:{name}": codes[:, i] for i, name in enumerate(names)}
+    kept = {CODE: np.array([told.codes for _, _, told, _ in rows], np.int8)}
     if block.kind == DRAWN:
-        values = np.array([told.values for _, _, told, _ in rows], np.float32)
-        columns |= {f"value:{name}": values[:, i] for i, name in enumerate(names)}
-    return columns
+        kept[VALUE] = np.array([told.values for _, _, told, _ in rows], np.float32)
+    return columns | {f"{what}{block.of.claims[k].name}": of[:, k] for what, of in kept.items() for k in chosen}
 
 
 def _rows(block: Block) -> Iterator[tuple[int, int, Told, float]]:
@@ -122,7 +132,7 @@ def _rows(block: Block) -> Iterator[tuple[int, int, Told, float]]:
     design = saltelli(base, dimensions, np.random.default_rng([block.seed, block.scramble, 1]))
     for index in range(block.first, last):
         begin = time.process_time()
-        for moved, told in of.tell_changed(design.a[index], design.b[index]):
+        for moved, told in of.tell_changed(design.a[index], design.b[index], block.claims):
             yield index, moved, told, time.process_time() - begin
             begin = time.process_time()
 

@@ -91,6 +91,12 @@ def read(folder: Path, name: str, columns: Sequence[str] | None = None, seals: b
         raise _damaged(folder, name) from None
 
 
+def columns_of(folder: Path, name: str) -> list[str]:
+    """Return the names of a part's columns; errors as of ``read``."""
+    names: list[str] = _opened(folder, name).schema_arrow.names
+    return names
+
+
 def notes_of(folder: Path, name: str) -> Mapping[str, str]:
     """Return what a part says of itself; errors as of ``read``."""
     return _notes_of(folder, name, (folder / name).stat().st_mtime_ns)

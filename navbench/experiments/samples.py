@@ -1,7 +1,7 @@
 """The reconstructions of a multiverse on disk: its prior, written before the first of them, and a part a block."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PRIOR, SECONDS, PUBLISHED = "prior.json", "seconds", "reconstructions.parquet"
+PLACE = ["scramble", "index", "moved"]  # columns: which reconstruction a row is
 OF, OTHER = "prior", "of another prior"  # under which a block names its prior, and the fault of one that is not here
 DRAWN, MOVED = "drawn", "moved"  # kinds: of the sample, and of rows with each dimension moved alone
+CODE, VALUE = "code:", "value:"  # before a claim's name: what it does, and what was measured
 
 
 class Samples:
@@ -51,9 +53,10 @@ class Samples:
             return
         write_prior(self.path, prior)
 
-    def has(self, name: str) -> bool:
-        """Return whether a block is there."""
-        return (self.path / f"{name}.parquet").is_file()
+    def has(self, name: str, claims: Iterable[str] = ()) -> bool:
+        """Return whether a block is there, and says what these claims do."""
+        file, columns = f"{name}.parquet", {f"{CODE}{claim}" for claim in claims}
+        return (self.path / file).is_file() and (not columns or columns <= set(parts.columns_of(self.path, file)))
 
     def faults(self) -> dict[str, str]:
         """Return the blocks that are damaged or bear no checksum, by their files, and which of both."""
@@ -124,9 +127,9 @@ class Samples:
         file = self.path / PRIOR
         return str(json.loads(bounded(file, LONGEST)).get("seal", "")) if file.is_file() else ""
 
-    def even(self, kind: str) -> "pd.DataFrame":
+    def even(self, kind: str, claims: Sequence[str] | None = None) -> "pd.DataFrame":
         """Return the reconstructions of a kind, of each scramble as many as all have, as ``read``."""
-        rows = self.read(kind)
+        rows = self.read(kind, claims)
         if rows.empty:
             return rows
         there = rows[rows["moved"] == -1].groupby("scramble")["index"]
@@ -147,21 +150,28 @@ class Samples:
             return int(parts.read(self.path, PUBLISHED, ["index"]).num_rows)
         return len(self.read(DRAWN))
 
-    def read(self, kind: str) -> "pd.DataFrame":
-        """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any."""
+    def read(self, kind: str, claims: Sequence[str] | None = None) -> "pd.DataFrame":
+        """Return the reconstructions of a kind, sorted by scramble, index and what was moved; empty without any.
+
+        Args:
+            kind: which.
+            claims: of which alone is told what they do, of the blocks that say it of all of them; None for all that
+                is there.
+        """
         import pandas as pd
         import pyarrow as pa
 
-        files = sorted(self.path.glob(f"{kind}-*.parquet"))
+        columns = None if claims is None else [*PLACE, *(f"{CODE}{claim}" for claim in claims)]
+        files = [file for file in sorted(self.path.glob(f"{kind}-*.parquet")) if self.has(file.stem, claims or ())]
         if not files:
             return pd.DataFrame()
         tables = []
         for file in files:
-            table = parts.read(self.path, file.name)
+            table = parts.read(self.path, file.name, columns)
             seconds = parts.read(self.path, f"{SECONDS}/{file.name}")
             tables.append(table.append_column(SECONDS, seconds[SECONDS]))
         frame: pd.DataFrame = pa.concat_tables(tables).to_pandas()
-        return frame.sort_values(["scramble", "index", "moved"], kind="stable", ignore_index=True)
+        return frame.sort_values(PLACE, kind="stable", ignore_index=True)
 
 
 def write_prior(folder: Path, prior: Mapping[str, Any]) -> None:

@@ -288,7 +288,8 @@ def _deciding(shares: Sequence[Shares]) -> list[Block]:
         found = [associated, pawn and pawn.value, pawn and pawn.p95, one.without_case, one.chaotic]
         rows.append([one.claim.name, decided, flips, factor, *told, *found])
     text = (
-        "How often drawing one value anew, and nothing else, turns a claim; on which value, or two, it depends most, "
+        "How often drawing one value anew, and nothing else, turns a claim, where it holds neither in nearly all "
+        "reconstructions nor in hardly any; on which value, or two, it depends most, "
         "in bits (mutual information of value and verdict, with what 95 % of permutations stay below); over admissible "
         "reconstructions only association can be told (PAWN's index). *No case*: there is nothing to measure, as of a "
         "robot that does not arrive; *chaotic*: starts within a millimetre differ by more than the tolerance."
@@ -365,7 +366,8 @@ def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
         f"{admissible} reconstructions are admissible: {'; '.join(entry.claim.says for entry in conditions)}.",
         f"Between the two halves of the scrambles, which are independent, the share of {apart} of {len(shares)} claims "
         "differs by more than 1.96 standard errors.",
-        f"Each dimension was moved alone in {int((moved['moved'] == -1).sum()) if len(moved) else 0} reconstructions.",
+        f"Each dimension was moved alone in {int((moved['moved'] == -1).sum()) if len(moved) else 0} reconstructions, "
+        "for the claims that hold neither in nearly all nor in hardly any.",
         "The prior was written down before the first reconstruction was run.",
     ]
     return [Heading("How it was made"), *map(Paragraph, lines), Link("Prior", "prior.json")]

@@ -9,7 +9,7 @@ import pytest
 from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
-from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, halves, shares_of, worth
+from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, halves, shares_of, undecided, worth
 from navbench.report.shares import curves
 
 SCRAMBLES, EACH = 4, 250
@@ -48,6 +48,24 @@ def test_a_verdict_goes_by_the_bound_of_the_interval(held: int, verdict: str) ->
     assert one.all.value == held / N
     assert one.all.low <= one.all.value <= one.all.high
     assert one.verdict == verdict
+
+
+def test_what_decides_is_asked_of_claims_between_of_all_or_of_admissible_reconstructions() -> None:
+    ok = np.arange(N) % 2 == 0
+    order = np.random.default_rng(1).permutation(N)
+    codes = {
+        "nearly all": np.where(order < N - 10, HOLDS, FAILS),
+        "near the bound": np.where(order < N - 45, HOLDS, FAILS),
+        "half": np.where(order < N // 2, HOLDS, FAILS),
+        "hardly any": np.where(order < 10, HOLDS, FAILS),
+        "never": FAILS,
+        "of admissible ones": np.where(ok, FAILS, np.where(order < N - 10, HOLDS, FAILS)) | (ok & (order < 300)),
+    }
+    sample = drawn({"ok": np.where(ok, HOLDS, FAILS), **codes})
+    claims = [ADMISSIBLE, *map(number, codes)]
+    assert undecided(sample, claims, NOTHING) == ["near the bound", "half", "of admissible ones"]
+    for one in shares_of(sample, claims, NOTHING):
+        assert one.verdict != "open" or one.claim.name in undecided(sample, claims, NOTHING)
 
 
 def test_what_only_a_search_finds_is_within_reach() -> None:

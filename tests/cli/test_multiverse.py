@@ -22,7 +22,7 @@ from navbench.cli.sampling import Block, places, run_block
 from navbench.cli.searching import POPULATION, Searches
 from navbench.experiments import parts
 from navbench.experiments.files import locked
-from navbench.experiments.samples import DRAWN, Samples
+from navbench.experiments.samples import DRAWN, MOVED, Samples
 
 STUDY = """
 # @package _global_
@@ -196,14 +196,47 @@ def test_a_controller_that_ends_its_process_is_named(folder: Path) -> None:
 
 def test_moving_one_factor_alone_tells_what_running_all_again_does(folder: Path) -> None:
     of = reconstructions_of("tiny", folder, "conf")
+    claims = [entry.name for entry in of.claims]
+    for to in (0.9, 0.31):  # elsewhere, and hardly: choices stay what they are
+        u, others = np.full(len(of.names), 0.3), np.full(len(of.names), to)
+        for moved, told in of.tell_changed(u, others, claims):
+            there = u.copy()
+            if moved >= 0:
+                there[moved] = others[moved]
+            again = of.tell(there)
+            assert told.codes.tolist() == again.codes.tolist()
+            np.testing.assert_array_equal(told.values, again.values)
+            np.testing.assert_array_equal(told.counts, again.counts)
+
+
+def test_of_few_claims_only_what_they_hang_on_is_moved_and_run(folder: Path) -> None:
+    of = reconstructions_of("tiny", folder, "conf")
     u, others = np.full(len(of.names), 0.3), np.full(len(of.names), 0.9)
-    for moved, told in of.tell_changed(u, others):
-        there = u.copy()
-        if moved >= 0:
-            there[moved] = others[moved]
-        again = of.tell(there)
-        assert told.codes.tolist() == again.codes.tolist()
-        np.testing.assert_array_equal(told.values, again.values)
+    of_all = dict(of.tell_changed(u, others, [entry.name for entry in of.claims]))
+    for k, entry in enumerate(of.claims):
+        alone = dict(of.tell_changed(u, others, [entry.name]))
+        assert list(alone) == [-1, *of.reaches[entry.name]]
+        assert [told.codes[k] for told in alone.values()] == [of_all[i].codes[k] for i in alone]
+        assert all(alone[i].episodes <= of_all[i].episodes for i in alone)
+
+
+def test_a_block_that_was_asked_less_is_made_anew_and_one_that_was_asked_more_is_kept(
+    command: Command, there: Path
+) -> None:
+    of, samples = reconstructions_of("tiny", there.parent, "conf"), Samples(there)
+    more = Block(of, MOVED, 0, 3, 0, 1, ("time", "time-set"))
+    samples.write(more.name, run_block(more))
+    less = Block(of, MOVED, 0, 4, 0, 1, ("time-set",))
+    samples.write(less.name, run_block(less))
+    assert samples.has(more.name, ["time"])
+    assert not samples.has(less.name, ["time"])
+    assert list(samples.read(MOVED, ["time"])["scramble"].unique()) == [3]
+    kept = (there / f"{more.name}.parquet").read_bytes()
+    assert command(*WORDS, "decide=16").code == 0
+    assert (there / f"{more.name}.parquet").read_bytes() == kept
+    assert samples.has(less.name, ["time"])
+    assert not samples.has(less.name, ["time-set"])
+    assert sorted(samples.read(MOVED, ["time"])["scramble"].unique()) == list(range(16))
 
 
 def test_a_sample_that_remembers_where_rows_lay_answers_as_one_that_does_not(folder: Path) -> None:
@@ -232,7 +265,7 @@ def test_a_search_finds_what_the_sample_misses_and_goes_on_where_it_was_stopped(
     file = folder / "conf/study/tiny.yaml"
     file.write_text(file.read_text().replace("printed: 1.0 s, within: 0.1 s", "printed: 11.11 s, within: 0.02 s"))
     of, samples = reconstructions_of("tiny", folder, "conf"), Samples(folder / "there")
-    rows = pd.DataFrame(run_block(Block(of, DRAWN, 0, 0, 0, 40)))
+    rows = pd.DataFrame(run_block(Block(of, DRAWN, 0, 0, 0, 40, tuple(entry.name for entry in of.claims))))
     drawn = Drawn(rows, places(0, len(of.names), rows), of.names, of.reaches, pd.DataFrame())
     told: list[int] = []
 
