@@ -176,11 +176,11 @@ class DualLayer(CompiledController):
 
     def _counts(self) -> list[tuple[str, int, int, int, int]]:
         """Return for each behaviour how many rules start it, how many start AO or FO too, and how many are its own."""
-        starts = [started(self._variant, *rule[:4]) for rule in self.rules]
+        starts = [set(started(self._variant, *rule[:4])) for rule in self.rules]
         own = [rule.behavior for rule in self.rules]
         rows = []
         for name in BEHAVIORS:
-            others = [0 if name == o else sum({name, o} <= set(names) for names in starts) for o in BEHAVIORS[1:]]
+            others = [0 if name == o else sum({name, o} <= names for names in starts) for o in BEHAVIORS[1:]]
             rows.append((name, sum(name in names for names in starts), *others, own.count(name)))
         return rows  # type: ignore[return-value]
 

@@ -226,8 +226,10 @@ def share_falling(
     held = []
     for axis in along:
         others = [name for name in along if name != axis]
-        for _, line in rows.groupby(others) if others else [((), rows)]:
-            held.append(np.diff(line.sort_values(axis)[column].to_numpy()) <= within)
+        ordered = rows.sort_values([*others, axis])
+        lines = ordered[others].to_numpy()
+        same = (lines[1:] == lines[:-1]).all(axis=1)
+        held.append(np.diff(ordered[column].to_numpy())[same] <= within)
     return share_of_parts(np.concatenate(held))
 
 

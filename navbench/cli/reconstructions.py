@@ -21,7 +21,7 @@ from navbench.analysis.multiverse import Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN
 from navbench.analysis.verdicts import figure_of, verdict
 from navbench.cli.rebuilding import Made, made_part, moved, rebuilt
-from navbench.cli.sample import Places, Sample
+from navbench.cli.sample import Offered, Places, Sample
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell
 from navbench.mathematics.statistics import Estimate
@@ -124,7 +124,7 @@ class Reconstructions:
         multiverse: what the study says of it.
         uses: for each claim the places of its cells.
         episodes: how many a cell runs at first, and how many where a claim is not decided by these.
-        places: what samples remember of one another, see ``Sample``.
+        places, offered: what samples remember of one another, see ``Sample``.
     """
 
     study: Mapping[str, Any]
@@ -137,6 +137,7 @@ class Reconstructions:
     uses: tuple[frozenset[int], ...]
     episodes: tuple[int, ...]
     places: Places = field(default_factory=dict, repr=False, compare=False)
+    offered: Offered = field(default_factory=dict, repr=False, compare=False)
 
     def __str__(self) -> str:
         """Return what a message calls them."""
@@ -276,7 +277,7 @@ class _Run:
                 self._extend(index, size)
             runs = self._runs.values()
             there = [(run.cell, run.key, [pair for one in run.records[:size] for pair in one]) for run in runs]
-            sample = Sample(of.study, there, of.places)
+            sample = Sample(of.study, there, of.places, of.offered)
             open_claims, before = [k for k in open_claims if not self._judge(sample, k, told)], size
         return told._replace(episodes=self.episodes, steps=self.steps)
 

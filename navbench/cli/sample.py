@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Places = dict[tuple[object, ...], dict[str, tuple[NDArray[np.intp], ...]]]  # by the shape of a sample and the question
+Offered = dict[str, tuple[Mapping[str, Any], "dict[str, pd.DataFrame]"]]
 Ran = Sequence[tuple[Cell, CellKey, Sequence[tuple[int, RobotRecord]]]]  # cells with (episode, record) pairs
 FIXED = (*CELL, *PAIR)  # columns that are the same in all samples of the same cells and episodes
 SHAPES_MAX = 100
@@ -33,11 +34,15 @@ class Sample(StoredResults):
         ran: the cells with what results know of them, and with their records.
         places: where in the table of episodes lies what was asked of earlier samples, to be added to: in those of the
             same cells and as many episodes it lies there again.
+        offered: by controller the configuration of the last one, and what that offers of itself, to be replaced.
     """
 
-    def __init__(self, study: Mapping[str, Any], ran: Ran, places: Places | None = None) -> None:
+    def __init__(
+        self, study: Mapping[str, Any], ran: Ran, places: Places | None = None, offered: Offered | None = None
+    ) -> None:
         self._ran = ran
         self._known = {} if places is None else places
+        self._offered = {} if offered is None else offered
         self.results = _Nowhere(study, [key for _, key, _ in ran])
         self._trajectories, self._used = {}, Used()
         self._found: dict[str, pd.DataFrame] = {}
@@ -133,9 +138,13 @@ class Sample(StoredResults):
 
         found: dict[str, pd.DataFrame] = {}
         for name, cell in {cell.names.controller: cell for cell, _, _ in reversed(self._ran)}.items():
-            controller: Any = cell.make_controller()
-            tables = controller.describe() if hasattr(controller, "describe") else {}
-            found |= {f"{name}-{part}": pd.DataFrame(dict(table)) for part, table in tables.items()}
+            configuration = cell.configuration["controller"]
+            if name not in self._offered or self._offered[name][0] != configuration:
+                controller: Any = cell.make_controller()
+                tables = controller.describe() if hasattr(controller, "describe") else {}
+                frames = {f"{name}-{part}": pd.DataFrame(dict(table)) for part, table in tables.items()}
+                self._offered[name] = configuration, frames
+            found |= self._offered[name][1]
         return found
 
     def trajectories(self, run_id: str) -> "pd.DataFrame":

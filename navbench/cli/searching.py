@@ -82,7 +82,7 @@ class Searches:
         self.free = sorted({i for entry in self.claims for i in of.reaches[entry.name]})
         self._number = {target.name: k for k, target in enumerate(targets(self.claims))}
         uses = tuple(used for _, used in chosen)
-        self._of = replace(of, claims=tuple(self.claims), uses=uses, episodes=(STARTS,), places={})
+        self._of = replace(of, claims=tuple(self.claims), uses=uses, episodes=(STARTS,), places={}, offered={})
         self._known: dict[bytes, FloatArray] = {}  # what was measured, by where
         self._done = 0
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from navbench.fuzzy.centroid import TERM, divided
-from navbench.fuzzy.mamdani import degrees_of, fire, infer, infer_and_fire
+from navbench.fuzzy.mamdani import degrees_of, fire, infer, infer_and_fire, infer_each
 from navbench.fuzzy.variables import Rules, Table, Term, Variable, number_rules, rules_from_table
 from navbench.policy import pack
 
@@ -175,16 +175,28 @@ class FuzzyInference:
         return strengths
 
     def surface(self, *axes: ArrayLike) -> FloatArray:
-        """Return the outputs over the grid of one axis an input, (len(axis 1), ..., len(axis n), n_outputs)."""
-        grid = [_floats(axis).ravel() for axis in axes]
-        rows = [self(*point) for point in itertools.product(*grid)]
-        return np.array(rows).reshape(*(axis.size for axis in grid), len(self.outputs))
+        """Return the outputs over the grid of one axis an input, (len(axis 1), ..., len(axis n), n_outputs).
+
+        Raises:
+            ValueError: as a call.
+        """
+        grid = np.meshgrid(*(_floats(axis).ravel() for axis in axes), indexing="ij")
+        self._check_count(len(grid))
+        points = _floats([axis.ravel() for axis in grid]).T.copy()
+        found = np.empty((len(points), len(self.outputs)))
+        refused = infer_each(self.base, points, found)
+        if refused >= 0:
+            self(*points[refused])
+        return found.reshape(*grid[0].shape, len(self.outputs))
 
     def _load(self, values: tuple[float, ...]) -> None:
-        if len(values) != self._values.size:
-            raise ValueError(f"the inputs are {', '.join(self.inputs)}, but {len(values)} values were given")
+        self._check_count(len(values))
         for i, value in enumerate(values):  # of so few values quicker than a slice
             self._values[i] = value
+
+    def _check_count(self, count: int) -> None:
+        if count != self._values.size:
+            raise ValueError(f"the inputs are {', '.join(self.inputs)}, but {count} values were given")
 
     def _check_usable(self, unusable: int) -> None:
         if unusable >= 0:

@@ -210,6 +210,24 @@ def infer(base: FloatArray, values: FloatArray, out: FloatArray) -> int:
 
 
 @compiled
+def infer_each(base: FloatArray, points: FloatArray, out: FloatArray) -> int:
+    """Do what ``infer`` does at many points, in order.
+
+    Args:
+        base: as for ``infer``.
+        points: (n, n_inputs) inputs.
+        out: (n, n_outputs) is written.
+
+    Returns:
+        The number of the first point with an unusable input, after which nothing is written, else -1.
+    """
+    for k in range(len(points)):
+        if infer(base, points[k], out[k]) >= 0:
+            return k
+    return -1
+
+
+@compiled
 def infer_and_fire(base: FloatArray, values: FloatArray, out: FloatArray, fired: FloatArray) -> int:
     """Do what ``infer`` does, and write which rules fire.
 

@@ -291,6 +291,23 @@ def test_weighted_mean_of_peaks_matches_the_sum_by_hand() -> None:
     assert inference(0.2, 0.7)[0] == pytest.approx(expected)
 
 
+def test_a_surface_is_what_calls_return_and_refuses_what_they_refuse() -> None:
+    a = Variable.from_peaks({"low": 0.0, "high": 1.0}, 0.0, 1.0, shoulders=False)
+    v = Variable(0.0, 10.0, {"low": Term("triangle", (0.0, 2.0, 3.0)), "mid": Term("triangle", (1.0, 4.0, 8.0))})
+    rules = [("low", "low", "low"), ("high", "any", "mid")]
+    inference = FuzzyInference(
+        {"a": a, "b": a}, {"v": v}, rules, fallback={"v": 5.0}, defuzzification="weighted_mean_of_peaks"
+    )
+    first, second = np.linspace(-0.2, 1.2, 7), np.linspace(0.0, 1.0, 4)
+    surface = inference.surface(first, second)
+    assert surface.shape == (7, 4, 1)
+    assert surface.tolist() == [[list(inference(x, y)) for y in second] for x in first]
+    with pytest.raises(ValueError, match="input 'b' is nan"):
+        inference.surface([0.5], [0.5, np.nan])
+    with pytest.raises(ValueError, match="the inputs are a, b, but 1 values were given"):
+        inference.surface([0.5])
+
+
 def test_control_surface_of_the_heading_controller_is_the_published_one() -> None:
     phi_deg = [0.0, 9.0, 13.5, 18.0, 22.5, 27.0, 36.0, 45.0, 60.0, 180.0]
     v_mps, w_radps = heading_controller().surface(np.radians(phi_deg)).T
