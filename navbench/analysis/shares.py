@@ -21,7 +21,7 @@ from navbench.mathematics.statistics import Estimate, clopper_pearson
 if TYPE_CHECKING:
     import pandas as pd
 
-HOLDS, FAILS, PARTLY, CHAOTIC, UNKNOWN = 1, 0, 2, 3, -1  # what a claim does in one reconstruction
+HOLDS, FAILS, PARTLY, CHAOTIC, UNKNOWN = 1, 0, 2, 3, -1  # the verdict on a claim in one reconstruction
 ROBUST, CONTRADICTED = 0.95, 0.05  # by the bound of the share's interval on this side
 CASES_MIN = 200  # admissible or conditioned reconstructions below which no interval is told
 SEED = 0  # of permutations: a report is the same bytes whenever it is written
@@ -29,17 +29,29 @@ SEED = 0  # of permutations: a report is the same bytes whenever it is written
 BoolArray = NDArray[np.bool_]
 
 
+def held(codes: NDArray[np.integer], claim: Claim) -> BoolArray:
+    """Return where a claim holds, by the verdicts on it.
+
+    A printed single run also holds where the verdict is partly: the median of starts within a millimetre lies within
+    the tolerance, and they scatter by no more. That it lies among the central 90 % of them, as the verdict on one
+    reconstruction asks, none of many can do that differ by more than these starts.
+    """
+    within = claim.compare is not None and claim.printed is not None
+    found: BoolArray = np.isin(codes, (HOLDS, PARTLY) if within else HOLDS)
+    return found
+
+
 class Drawn(NamedTuple):
     """A sample of reconstructions.
 
     Attributes:
-        rows: one a reconstruction, all scrambles with the same number of them, in order: what each claim does in the
-            columns ``code:ID``, and what was measured in ``value:ID``.
+        rows: one a reconstruction, all scrambles with the same number of them, in order: the verdict on each claim in
+            the columns ``code:ID``, and what was measured in ``value:ID``.
         u: (rows, dimensions) where each lies.
         names: of the dimensions.
         reaches: for each claim the dimensions that may change it.
-        moved: rows in which each dimension is moved alone, of those with ``moved`` -1, with what the claims do that
-            ``undecided`` names; empty for none.
+        moved: rows in which each dimension is moved alone, of those with ``moved`` -1, with the verdicts on the claims
+            that ``undecided`` names; empty for none.
     """
 
     rows: "pd.DataFrame"
@@ -48,23 +60,29 @@ class Drawn(NamedTuple):
     reaches: Mapping[str, Sequence[int]]
     moved: "pd.DataFrame"
 
-    def codes(self, claim: str) -> NDArray[np.int64]:
-        """Return (scrambles, n) what a claim does in each reconstruction."""
+    def codes(self, claim: Entry) -> NDArray[np.int64]:
+        """Return (scrambles, n) the verdict on a claim in each reconstruction."""
         return self._by_scramble(self.rows, claim)
 
-    def _by_scramble(self, rows: "pd.DataFrame", claim: str) -> NDArray[np.int64]:
-        codes: NDArray[np.int64] = rows[f"code:{claim}"].to_numpy(np.int64).reshape(rows["scramble"].nunique(), -1)
+    def holds(self, claim: Entry) -> BoolArray:
+        """Return (scrambles, n) in which reconstructions a claim holds."""
+        return held(self.codes(claim), claim.claim)
+
+    def _by_scramble(self, rows: "pd.DataFrame", claim: Entry) -> NDArray[np.int64]:
+        codes: NDArray[np.int64] = rows[f"code:{claim.name}"].to_numpy(np.int64).reshape(rows["scramble"].nunique(), -1)
         return codes
 
-    def flips(self, claim: str) -> dict[str, Estimate]:
+    def flips(self, claim: Entry) -> dict[str, Estimate]:
         """Return for each dimension with what probability moving it alone turns a claim; those that cannot left out."""
         found = {}
-        if f"code:{claim}" in self.moved:
-            still = self._by_scramble(self.moved[self.moved["moved"] == -1], claim) == HOLDS
-            for i in self.reaches[claim]:
-                other = self._by_scramble(self.moved[self.moved["moved"] == i], claim) == HOLDS
-                if (still != other).any():
-                    found[self.names[i]] = flip_probability(still, other)
+        if f"code:{claim.name}" in self.moved:
+            first, *others = (
+                held(self._by_scramble(self.moved[self.moved["moved"] == i], claim), claim.claim)
+                for i in (-1, *self.reaches[claim.name])
+            )
+            for i, other in zip(self.reaches[claim.name], others, strict=True):
+                if (first != other).any():
+                    found[self.names[i]] = flip_probability(first, other)
         return found
 
 
@@ -76,6 +94,8 @@ class Shares(NamedTuple):
         all: the share of all reconstructions in which it holds.
         admissible: that of the admissible ones; None where being admissible implies it, or none are.
         conditioned: that of those which meet the printed numbers; None where the claim is one of these, or without any.
+        fails: the share in which it fails, of those that the verdict goes by.
+        untold: the share of these in which that cannot be told: without a case, or chaotic.
         without_case: the share in which it has no case, as of a robot that does not arrive.
         chaotic: the share in which a printed single run cannot be told from chance.
         flips: the probability that moving a dimension alone turns it, the largest first.
@@ -89,6 +109,8 @@ class Shares(NamedTuple):
     all: Estimate
     admissible: Estimate | None
     conditioned: Estimate | None
+    fails: Estimate
+    untold: float
     without_case: float
     chaotic: float
     flips: dict[str, Estimate]
@@ -104,10 +126,8 @@ class Shares(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Robust, contradicted, open, or out of reach where it holds in none that was drawn or found."""
-        if self.all.value == 0.0 and not self.found:
-            return "out of reach"
-        return "robust" if self.told.low >= ROBUST else "contradicted" if self.told.high <= CONTRADICTED else "open"
+        """Robust, contradicted, open, out of reach where it holds in none that was drawn or found, or not testable."""
+        return _verdict(self.told, self.fails, self.untold, self.all.value > 0.0 or self.found)
 
     @property
     def decided(self) -> str:
@@ -145,13 +165,11 @@ def undecided(drawn: Drawn, claims: Sequence[Entry], multiverse: Multiverse) -> 
     admissible = admissible_of(drawn, claims)
     found = []
     for entry in claims:
-        holds = drawn.codes(entry.name) == HOLDS
-        if entry.kind == KIND or not 0 < holds.sum() < holds.size:
-            continue
-        of_all = share_of_scrambles(holds)
-        told = _told(of_all, None if entry.name in multiverse.implied else _share(holds.ravel()[admissible]))
-        if CONTRADICTED < of_all.value < ROBUST or (told.low < ROBUST and told.high > CONTRADICTED):
-            found.append(entry.name)
+        holds = drawn.holds(entry)
+        if entry.kind != KIND and 0 < holds.sum() < holds.size:
+            counted = _counted(drawn, entry, admissible, entry.name in multiverse.implied)
+            if CONTRADICTED < counted.all.value < ROBUST or _verdict(*counted[1:], found=True) == "open":
+                found.append(entry.name)
     return found
 
 
@@ -160,13 +178,13 @@ def admissible_of(drawn: Drawn, claims: Sequence[Entry]) -> BoolArray:
     found = np.ones(len(drawn.rows), dtype=bool)
     for entry in claims:
         if entry.kind == KIND:
-            found &= (drawn.rows[f"code:{entry.name}"] == HOLDS).to_numpy()
+            found &= drawn.holds(entry).ravel()
     return found
 
 
-def halves(drawn: Drawn, claim: str) -> float:
+def halves(drawn: Drawn, claim: Entry) -> float:
     """Return by how many standard errors a claim's share differs between the two halves of the scrambles."""
-    shares = (drawn.codes(claim) == HOLDS).mean(axis=1)
+    shares = drawn.holds(claim).mean(axis=1)
     first, second = np.array_split(shares, 2)
     if len(second) < 2 or np.ptp(shares) == 0.0:
         return 0.0
@@ -177,20 +195,22 @@ def halves(drawn: Drawn, claim: str) -> float:
 def _shares(
     drawn: Drawn, entry: Entry, admissible: BoolArray, meets: BoolArray, multiverse: Multiverse, found: bool
 ) -> Shares:
-    codes = drawn.codes(entry.name)
-    holds = codes == HOLDS
-    flat = holds.ravel()
+    codes = drawn.codes(entry)
+    flat = drawn.holds(entry).ravel()
     conditioned = multiverse.conditioned
     tested = conditioned is not None and entry.name not in (*conditioned.claims, *conditioned.leave_out)
     implied = entry.name in multiverse.implied
     varies = 0 < flat.sum() < flat.size
-    flips = drawn.flips(entry.name) if varies else {}
+    flips = drawn.flips(entry) if varies else {}
+    counted = _counted(drawn, entry, admissible, implied)
     associated = admissible if not implied and 0 < flat[admissible].sum() < admissible.sum() else None
     return Shares(
         claim=entry,
-        all=share_of_scrambles(holds),
+        all=counted.all,
         admissible=None if implied else _share(flat[admissible]),
         conditioned=_share(flat[meets]) if tested and not implied else None,
+        fails=counted.fails,
+        untold=counted.untold,
         without_case=float((codes == UNKNOWN).mean()),
         chaotic=float((codes == CHAOTIC).mean()),
         flips=dict(sorted(flips.items(), key=lambda item: -item[1].value)),
@@ -205,6 +225,33 @@ def _shares(
 
 def _told(of_all: Estimate, admissible: Estimate | None) -> Estimate:
     return admissible if admissible is not None and admissible.n >= CASES_MIN else of_all
+
+
+class _Counted(NamedTuple):
+    """In which share of all reconstructions a claim holds; and of those that the verdict goes by, as of ``Shares``."""
+
+    all: Estimate
+    told: Estimate
+    fails: Estimate
+    untold: float
+
+
+def _counted(drawn: Drawn, entry: Entry, admissible: BoolArray, implied: bool) -> _Counted:
+    codes, holds = drawn.codes(entry), drawn.holds(entry)
+    untold = np.isin(codes, (CHAOTIC, UNKNOWN))
+    fails, of_all = ~holds & ~untold, share_of_scrambles(holds)
+    if implied or admissible.sum() < CASES_MIN:
+        return _Counted(of_all, of_all, share_of_scrambles(fails), float(untold.mean()))
+    told, failing = (clopper_pearson(int(of.ravel()[admissible].sum()), int(admissible.sum())) for of in (holds, fails))
+    return _Counted(of_all, told, failing, float(untold.ravel()[admissible].mean()))
+
+
+def _verdict(told: Estimate, fails: Estimate, untold: float, found: bool) -> str:
+    if untold > 0.5:
+        return "not testable"
+    if not found:
+        return "out of reach"
+    return "robust" if told.low >= ROBUST else "contradicted" if fails.low >= 1.0 - CONTRADICTED else "open"
 
 
 def _share(holds: BoolArray) -> Estimate | None:
@@ -247,7 +294,7 @@ def worth(shares: Sequence[Shares], drawn: Drawn) -> list[tuple[str, float]]:
     """Return each dimension's bits, summed over the claims, the most first; what chance would give is taken off."""
     total = dict.fromkeys(drawn.names, 0.0)
     for one in shares:
-        y = drawn.codes(one.claim.name).ravel() == HOLDS
+        y = drawn.holds(one.claim).ravel()
         if 0 < y.sum() < y.size:
             rng = np.random.default_rng(SEED)
             for i in drawn.reaches[one.claim.name]:

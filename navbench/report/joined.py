@@ -216,8 +216,9 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
     text = (
         "The claims again, as far as reconstructions can be asked, with a few questions of our own that they can "
         "answer, in many reconstructions of what a paper leaves open: *robust* claims hold in 95 % of them or more, "
-        "*contradicted* ones in 5 % or less, those *out of reach* in none that was drawn; *open* ones depend on what "
-        "is not printed, and the reports say on what."
+        "*contradicted* ones fail in 95 % or more, those *out of reach* hold in none that was drawn; *not testable* "
+        "ones have no case or are chaotic in most; *open* ones depend on what is not printed, and the reports say on "
+        "what."
     )
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
     table = _table(["study", *SHARE_VERDICTS], rows)

@@ -13,7 +13,7 @@ from navbench.analysis.claims import Entry
 from navbench.analysis.factors import Factor
 from navbench.analysis.fitting import Fit
 from navbench.analysis.multiverse import KIND, Multiverse
-from navbench.analysis.shares import CASES_MIN, HOLDS, Drawn, Shares, admissible_of, halves, shares_of, worth
+from navbench.analysis.shares import CASES_MIN, UNKNOWN, Drawn, Shares, admissible_of, halves, held, shares_of, worth
 from navbench.experiments.store import write_table
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import RARE, Block, Column, Document, Heading, Link, Paragraph, Plot, Table
@@ -72,11 +72,16 @@ class Told(NamedTuple):
     at_best: Mapping[str, int]
     search: Search
 
+    @property
+    def holds_at_best(self) -> list[str]:
+        """The names of the claims that hold there."""
+        found = ((entry, np.array(self.at_best.get(entry.name, UNKNOWN))) for entry in self.claims)
+        return [entry.name for entry, code in found if held(code, entry.claim)]
+
 
 def write_multiverse(told: Told, out: Path) -> list[Path]:
     """Write the report into a directory and return its files."""
-    held = [name for name, code in told.at_best.items() if code == HOLDS]
-    shares = shares_of(told.drawn, told.claims, told.multiverse, held)
+    shares = shares_of(told.drawn, told.claims, told.multiverse, told.holds_at_best)
     best = told.best
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
@@ -146,9 +151,9 @@ def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
     most = ", ".join(f"`{name}` ({value:.2f} bit)" for name, value in bits)
     lines = [
         f"{len(shares)} claims: {counts['robust']} robust, holding in nearly every reconstruction; "
-        f"{counts['contradicted']} contradicted, holding in hardly any; {counts['out of reach']} out of reach, "
-        f"holding in none of {len(told.drawn.rows)}; {counts['open']} open, depending on what the paper does not "
-        "print.",
+        f"{counts['contradicted']} contradicted, failing in nearly every one; {counts['out of reach']} out of reach, "
+        f"holding in none of {len(told.drawn.rows)}; {counts['not testable']} not testable, without a case or chaotic "
+        f"in most; {counts['open']} open, depending on what the paper does not print.",
         _together(told.best, told.search) if told.best else "No claim prints a number.",
         f"The missing values on which the verdicts of all claims together depend most: {most}."
         if most
@@ -175,7 +180,7 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
             one.claim.claim.says,
             one.verdict,
             told.here.get(one.claim.name, "").replace("_", " ") or None,
-            ("yes" if told.at_best[one.claim.name] == HOLDS else "no") if told.at_best else None,
+            ("yes" if one.claim.name in told.holds_at_best else "no") if told.at_best else None,
             one.all,
             _enough(one.admissible),
             _enough(one.conditioned),
@@ -185,10 +190,13 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
     ]
     text = (
         "*Here* is the verdict in the study's own results, *at best* whether the claim holds in the reconstruction "
-        "that meets most printed numbers. A share is one of our prior: of the ranges and choices of everything that "
-        "the paper leaves open, drawn independently. *Robust* and *contradicted* go by the bound of the interval "
-        f"(95 % and 5 %), over admissible reconstructions where {CASES_MIN} or more are, else over all; *out of "
-        "reach* holds in none that was drawn or found. *Of admissible* is the share of those in which the paper's "
+        "that meets most printed numbers. Among reconstructions a printed single run holds where the median of starts "
+        "within a millimetre lies within the tolerance and they scatter by no more; *here* it must lie among the "
+        "central 90 % of them, too. A share is one of our prior: of the ranges and choices of everything that "
+        "the paper leaves open, drawn independently. *Robust* holds, and *contradicted* fails, in 95 % or more, by the "
+        f"bound of the interval, over admissible reconstructions where {CASES_MIN} or more are, else over all; *out of "
+        "reach* holds in none that was drawn or found; *not testable* has no case or is chaotic in most. *Of "
+        "admissible* is the share of those in which the paper's "
         f"controllers do what it shows, see *How it was made*{_given(told, shares)}. Shares that the decimals do not "
         f"show, and those of fewer than {CASES_MIN} cases, which have no interval, are counts. *Decided by* names the "
         "missing value that most often turns an open claim when it alone is drawn anew, else the one on which it "
@@ -349,7 +357,7 @@ def _admissible(told: Told) -> NDArray[np.bool_]:
 def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
     rows, moved = told.drawn.rows, told.drawn.moved
     conditions = [entry for entry in told.claims if entry.kind == KIND]
-    admissible, apart = int(_admissible(told).sum()), sum(halves(told.drawn, one.claim.name) > 1.96 for one in shares)
+    admissible, apart = int(_admissible(told).sum()), sum(halves(told.drawn, one.claim) > 1.96 for one in shares)
     episodes, steps = int(rows["episodes"].sum()), int(rows["steps"].sum())
     seconds = float(rows["seconds"].sum())
     scrambles = rows["scramble"].nunique()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from navbench.analysis.fitting import Fit
 from navbench.analysis.printed import quantity
-from navbench.analysis.shares import CONTRADICTED, HOLDS, ROBUST, Drawn, Shares
+from navbench.analysis.shares import CONTRADICTED, ROBUST, Drawn, Shares
 from navbench.experiments.schema import LONGEST
 from navbench.mathematics.statistics import clopper_pearson
 from navbench.reading import bounded
@@ -28,6 +28,7 @@ VERDICTS = {  # with their colours
     "open": PALETTE[5],
     "contradicted": PALETTE[0],
     "out of reach": PALETTE[3],
+    "not testable": "#999999",
 }
 SLICES = 8  # of a value's range, over which a share is told
 NAMED_MAX = 6  # characters of a choice that is named; longer ones are numbered in their order
@@ -112,7 +113,7 @@ def curves(
 def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence[Any], ends: Sequence[float]) -> None:
     count = len(choices) or SLICES
     places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
-    holds = drawn.codes(one.claim.name).ravel() == HOLDS
+    holds = drawn.holds(one.claim).ravel()
     known = [number for number in map(_number, choices) if number is not None]
     order = np.argsort(known, kind="stable") if choices and len(known) == count else range(count)
     slices = [holds[places == k] for k in order]

@@ -9,7 +9,7 @@ import pytest
 from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
-from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, UNKNOWN, Drawn, halves, shares_of, undecided, worth
+from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN, Drawn, halves, shares_of, undecided, worth
 from navbench.report.shares import curves
 
 SCRAMBLES, EACH = 4, 250
@@ -66,6 +66,37 @@ def test_what_decides_is_asked_of_claims_between_of_all_or_of_admissible_reconst
     assert undecided(sample, claims, NOTHING) == ["near the bound", "half", "of admissible ones"]
     for one in shares_of(sample, claims, NOTHING):
         assert one.verdict != "open" or one.claim.name in undecided(sample, claims, NOTHING)
+
+
+def run_of(name: str) -> Entry:
+    """Return a claim that compares a printed single run with starts within a millimetre."""
+    claim = Claim(says=name, printed="10.0 s", within="10 %", measure="median", compare="distribution")
+    return Entry(name, "claim", claim)
+
+
+@pytest.mark.parametrize(
+    ("codes", "verdict", "share"),
+    [
+        ([(PARTLY, 400), (HOLDS, 100), (FAILS, 500)], "open", 0.5),  # a median within the tolerance is enough
+        ([(PARTLY, 1000)], "robust", 1.0),
+        ([(CHAOTIC, 300), (FAILS, 690), (HOLDS, 10)], "open", 0.01),  # what is chaotic does not fail
+        ([(FAILS, 985), (CHAOTIC, 5), (HOLDS, 10)], "contradicted", 0.01),
+        ([(CHAOTIC, 300), (UNKNOWN, 300), (HOLDS, 400)], "not testable", 0.4),
+        ([(CHAOTIC, 1000)], "not testable", 0.0),
+        ([(CHAOTIC, 400), (FAILS, 600)], "out of reach", 0.0),
+    ],
+)
+def test_a_printed_run_holds_within_its_tolerance_and_fails_only_where_that_can_be_told(
+    codes: list[tuple[int, int]], verdict: str, share: float
+) -> None:
+    shuffled = np.random.default_rng(2).permutation(np.repeat(*np.array(codes).T))
+    (one,) = shares_of(drawn({"a": shuffled}), [run_of("a")], NOTHING)
+    assert (one.verdict, one.all.value) == (verdict, share)
+
+
+def test_partly_holds_of_no_other_claim() -> None:
+    (one,) = shares_of(drawn({"a": PARTLY}), [number("a")], NOTHING)
+    assert one.verdict == "out of reach"
 
 
 def test_what_only_a_search_finds_is_within_reach() -> None:
@@ -160,9 +191,9 @@ def test_halves_of_the_scrambles_are_told_apart_only_where_they_differ() -> None
     codes = np.where(np.random.default_rng(4).random(N) < 0.5, HOLDS, FAILS)
     first = np.arange(N) < N // 2
     alike = np.where(np.arange(N) % EACH < 125 + 5 * (np.arange(N) // EACH % 2), HOLDS, FAILS)  # of both halves
-    assert halves(drawn({"a": alike}), "a") == 0.0
-    assert halves(drawn({"a": np.where(first, HOLDS, codes)}), "a") > 1.96
-    assert halves(drawn({"a": HOLDS}), "a") == 0.0
+    assert halves(drawn({"a": alike}), number("a")) == 0.0
+    assert halves(drawn({"a": np.where(first, HOLDS, codes)}), number("a")) > 1.96
+    assert halves(drawn({"a": HOLDS}), number("a")) == 0.0
 
 
 def test_a_number_that_has_nothing_to_do_with_the_others_is_met_but_not_predicted() -> None:
