@@ -5,8 +5,9 @@ when the path is clear. Left open, and decided here (the names are those of ``Be
 
 - Wall following begins where a front sensor (all but the three rear ones) reads below ``unsafe_m``; or where one reads
   below ``at_obstacle_m`` and what ``begins`` names holds: "stalled", the best distance to the goal so far has improved
-  by less than ``stall_min_progress_m`` in the last ``stall_window_s``, all of it spent in the other behaviour; or
-  "sliding", the robot would slide along the wall (as below), which asks that the goal lies beyond it and no more.
+  by less than ``stall_min_progress_m`` in the last ``stall_window_s``, all of it spent in the other behaviour;
+  "sliding", the robot would slide along the wall (as below), which asks that the goal lies beyond it and no more; or
+  "both".
 - It keeps the wall on the side of the nearest front sensor. Where both sides are equally near (``side_tie_m``), the
   side whose direction along the wall leads nearer to the goal; where that is equal too, the left.
 - It ends when the robot is nearer to the goal by ``progress_epsilon_m`` than it was ever before wall following began
@@ -104,7 +105,7 @@ class Behaviors:
     stall_min_progress_m: NonNegative
     progress_epsilon_m: NonNegative
     side_tie_m: NonNegative
-    begins: Literal["stalled", "sliding"]
+    begins: Literal["stalled", "sliding", "both"]
     progress_from: Literal["best", "switch"]
 
     def __post_init__(self) -> None:
@@ -129,7 +130,7 @@ class Behaviors:
         weights = [self.sensor_weights[role] for role in SENSOR_ROLES]
         steering = (self.blend_alpha, self.wall_distance_m, self.at_obstacle_m, self.unsafe_m)
         switching = (self.stall_min_progress_m, self.progress_epsilon_m, self.side_tie_m)
-        readings = (self.begins == "sliding", self.progress_from == "switch")
+        readings = (("stalled", "sliding", "both").index(self.begins), self.progress_from == "switch")
         return [memory, best_m], [mounts, weights, (*steering, *switching, *readings)]
 
 
@@ -198,8 +199,9 @@ def arbitrate(
     Args:
         memory: as ``TRACE``, read and written.
         best_m: as in ``has_stalled``, read and written.
-        thresholds: at_obstacle_m, unsafe_m, stall_min_progress_m, progress_epsilon_m and side_tie_m [m], and above 0
-            where sliding begins wall following, and where d_prog is the distance at its beginning.
+        thresholds: at_obstacle_m, unsafe_m, stall_min_progress_m, progress_epsilon_m and side_tie_m [m]; 1 where
+            sliding begins wall following, 2 where that and a stall do, else 0; and above 0 where d_prog is the
+            distance at its beginning.
         ranges_m: (9,) readings [m].
         points: (9, 2) what they mean in the world [m].
         u_gtg: from the robot to the goal [m].
@@ -216,7 +218,10 @@ def arbitrate(
         side = side_of_wall(points, ranges_m, u_gtg, thresholds[4])
         if thresholds[5] > 0.0:
             memory[SLIDING] = is_sliding(u_gtg, u_ao, wall_direction(points, ranges_m, side))
-        if memory[UNSAFE] or (memory[AT_OBSTACLE] and memory[SLIDING if thresholds[5] > 0.0 else STALLED]):
+        begins = memory[SLIDING] if thresholds[5] > 0.0 else 1.0
+        if thresholds[5] != 1.0:
+            begins *= memory[STALLED]
+        if memory[UNSAFE] or (memory[AT_OBSTACLE] and begins):
             switch(memory, FOLLOW_WALL, side)
             if thresholds[6] > 0.0:
                 memory[PROGRESS_DISTANCE] = distance_m

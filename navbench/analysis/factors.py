@@ -15,6 +15,7 @@ from navbench.sources import Source
 from navbench.validation import DescriptionError, describe, instead
 
 VECTORS = (Mapping, list, tuple)
+SEARCHED = "tunable."  # before the places of what no cell has: the bounds within which tunings search
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +116,22 @@ def apply(factor: Factor, u: float, configuration: Mapping[str, Any]) -> dict[st
         raise ValueError(f"u must be in [0, 1], not {u!r}")
     found: dict[str, Any] = {}
     for key, source in factor.members.items():
+        if key.startswith(SEARCHED):
+            continue
         value = _at(configuration[factor.part], key)
         moved = _moved(f"{factor.part}.sources.{key}", value, source, u)
         for place in (key, *source.tie):
             found |= dict(_leaves(f"{factor.part}.{place}", moved))
+    return found
+
+
+def bounds_at(factor: Factor, u: float) -> dict[str, dict[str, float]]:
+    """Return which bounds of what tunings search a factor sets: ``{"kp": {"high": 2.0}}``; arguments as ``apply``."""
+    found: dict[str, dict[str, float]] = {}
+    for key, source in factor.members.items():
+        if key.startswith(SEARCHED):
+            name, _, bound = key.removeprefix(SEARCHED).rpartition(".")
+            found.setdefault(name, {})[bound] = _within(source, u)
     return found
 
 

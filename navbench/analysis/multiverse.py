@@ -1,12 +1,13 @@
 """What a study says of its multiverse: which reconstructions count as its paper's, and which numbers condition them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
 from pydantic.dataclasses import dataclass
 
 from navbench.analysis.claims import Claim, Entry
+from navbench.analysis.factors import Factor
 from navbench.analysis.measuring import check_measure
 from navbench.validation import STRICT, DescriptionError, Number, describe, instead
 
@@ -38,6 +39,8 @@ class Multiverse:
         conditioned: on which printed numbers, or None.
         together: the claims whose printed numbers are independent of each other, and are fitted together; None for
             all that print one.
+        free: the factors, by name, whose value some cells set only to name the reading that the study takes, with the
+            labels of these cells: there they are drawn all the same. What other cells set is their purpose, and stays.
         priors: other priors by name: the factors that move, each with the range of its values of a range; null for as
             they are. Every other value stays as the study has it.
     """
@@ -46,6 +49,7 @@ class Multiverse:
     implied: tuple[str, ...] = ()
     conditioned: Conditioned | None = None
     together: tuple[str, ...] | None = None
+    free: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     priors: Mapping[str, Mapping[str, tuple[Number | None, Number | None] | None]] = field(default_factory=dict)
 
 
@@ -71,6 +75,21 @@ def multiverse_of(study: Mapping[str, Any], claims: Sequence[Entry]) -> Multiver
             if name not in known:
                 raise DescriptionError(f"{key}.{word}={name}: no such claim; {instead(name, known)}")
     return found
+
+
+def check_free(multiverse: Multiverse, factors: Iterable[Factor], labels: Collection[str], key: str) -> None:
+    """Check that what is to be drawn although cells set it is a factor, and that there are such cells.
+
+    Raises:
+        DescriptionError: one of them is not there.
+    """
+    known = [factor.name for factor in factors]
+    for name, of in multiverse.free.items():
+        if name not in known:
+            raise DescriptionError(f"{key}.{name}: no such factor; {instead(name, known)}")
+        for label in of:
+            if label not in labels:
+                raise DescriptionError(f"{key}.{name}={label}: no cell has this label; {instead(label, labels)}")
 
 
 def conditions(study: Mapping[str, Any], multiverse: Multiverse) -> list[Entry]:

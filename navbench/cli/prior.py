@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from navbench.analysis.claims import Entry, asked_by, entries
-from navbench.analysis.factors import Factor, factors_of, under
-from navbench.analysis.multiverse import conditions, multiverse_of
+from navbench.analysis.factors import Factor, apply, factors_of, under
+from navbench.analysis.multiverse import Multiverse, check_free, conditions, multiverse_of
 from navbench.cli.rebuilding import Base, base_of, in_simulator, set_by
 from navbench.cli.reconstructions import Choice, Drawn, Part, Reconstructions
 from navbench.cli.references import COLUMNS, SELECTIONS
@@ -60,19 +60,25 @@ def reconstructions_of(
         if prior not in others:
             raise DescriptionError(f"prior={prior}: no such prior; {instead(prior, others, 'there are')}")
         factors = others[prior]
+    check_free(multiverse, factors, {cell.key().label for cell in cells}, f"study/{study}.multiverse.free")
     base = base_of(cells, config_dir)
+    factors = [factor for factor in factors if any(_moves(factor, cell, base, multiverse) for cell in cells)]
     parts: dict[str, Part] = {}
     drawn = []
     for cell in cells:
-        own = [_part(part, cell, factors, base) for part in cell.names._fields]
+        own = [_part(part, cell, factors, base, multiverse) for part in cell.names._fields]
         keys = [digest([part.part, part.thing, part.configuration, sorted(part.own)]) for part in own]
         parts |= dict(zip(keys, own, strict=True))
         drawn.append((cell, keys))
     order = {key: i for i, key in enumerate(parts)}
     gains = _gains(plan.tunings, {cell.tuning for cell in cells}, Results(tuned))
+    searched = {tuning.name: {side.name: side for side in tuning.dimensions} for tuning in plan.tunings}
     return Reconstructions(
         study={key: content[key] for key in ("name", "title")},
-        cells=tuple(Drawn(cell, tuple(order[key] for key in keys), gains.get(cell.tuning, {})) for cell, keys in drawn),
+        cells=tuple(
+            Drawn(cell, tuple(order[key] for key in keys), gains.get(cell.tuning, {}), searched.get(cell.tuning, {}))
+            for cell, keys in drawn
+        ),
         parts=tuple(parts.values()),
         factors=tuple(factors),
         choices=() if prior else tuple(_choices(gains, claims)),
@@ -180,7 +186,27 @@ def _matches(cell: Cell, selection: Mapping[str, Any]) -> bool:
     return all(row[word] in values for word, values in wanted.items() if word in COLUMNS and word != "simulator")
 
 
-def _part(part: str, cell: Cell, factors: Sequence[Factor], base: Base) -> Part:
-    thing = getattr(cell.names, part)
-    moving = tuple(i for i, factor in enumerate(factors) if factor.part == part and thing in factor.things)
-    return Part(part, thing, cell.configuration[part], moving, set_by(cell, part, base))
+def _part(part: str, cell: Cell, factors: Sequence[Factor], base: Base, multiverse: Multiverse) -> Part:
+    moving = [(i, factor) for i, factor in enumerate(factors) if _is_of(factor, part, cell)]
+    own = _own(part, cell, [factor for _, factor in moving], base, multiverse)
+    return Part(part, getattr(cell.names, part), cell.configuration[part], tuple(i for i, _ in moving), own)
+
+
+def _own(part: str, cell: Cell, factors: Iterable[Factor], base: Base, multiverse: Multiverse) -> frozenset[str]:
+    """Return the places of a part that a cell sets and no factor moves: not those where it only names a reading."""
+    label = cell.key().label
+    free = [factor for factor in factors if label in multiverse.free.get(factor.name, ())]
+    return set_by(cell, part, base) - {f"{part}.{key}" for factor in free for key in factor.members}
+
+
+def _moves(factor: Factor, cell: Cell, base: Base, multiverse: Multiverse) -> bool:
+    """Return whether a factor moves anything of a cell."""
+    if not _is_of(factor, factor.part, cell):
+        return False
+    places = apply(factor, 0.5, cell.configuration)
+    own = _own(factor.part, cell, [factor], base, multiverse)
+    return not own.issuperset(places) if places else bool(cell.tuning)
+
+
+def _is_of(factor: Factor, part: str, cell: Cell) -> bool:
+    return factor.part == part and getattr(cell.names, part) in factor.things

@@ -6,17 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from navbench.analysis.factors import Factor, apply, factors_of
+from navbench.analysis.factors import Factor, apply, bounds_at, factors_of
 from navbench.cli.composing import composing
 from navbench.cli.configuration import cell_of, native_of, without
 from navbench.cli.worlds import world_of
 from navbench.experiments.cells import Cell
 from navbench.experiments.plan import Plan
 from navbench.experiments.schema import LONGEST
+from navbench.experiments.tunings import Tuning
 from navbench.reading import bounded
 from navbench.robot import Robot
 from navbench.sensors import suite_of
 from navbench.simulation.options import SimulatorOptions
+from navbench.tuning.space import Dimension, Side
 from navbench.validation import DescriptionError, describe
 
 Base = Mapping[tuple[str, str], Mapping[str, Any]]  # by part and thing the thing's own configuration
@@ -138,7 +140,7 @@ def at_point(
 def fitted(plan: Plan, file: Path, config_dir: str | Path | None = None) -> Plan:
     """Return a study's plan with its cells as the best reconstruction of its multiverse has them.
 
-    What its tunings found stays: they search in the study's own reconstruction.
+    Its tunings search in the study's own reconstruction, within the best one's bounds.
 
     Args:
         plan: of the study.
@@ -162,7 +164,24 @@ def fitted(plan: Plan, file: Path, config_dir: str | Path | None = None) -> Plan
     source = {"fitted": "as in the reconstruction that meets most printed numbers", "claims": told["claims"]}
     title = f"{study['title']}, in the reconstruction that meets most printed numbers"
     cells = tuple(at_point(plan.cells, told["point"], source, config_dir))
-    return replace(plan, cells=cells, study={**study, "title": title})
+    tunings = tuple(_within(tuning, factors_of([tuning.cells[0].key()]), told["point"]) for tuning in plan.tunings)
+    return replace(plan, cells=cells, tunings=tunings, study={**study, "title": title})
+
+
+def _within(tuning: Tuning, factors: Iterable[Factor], point: Mapping[str, float]) -> Tuning:
+    """Return a tuning with the bounds that some factors set; where it starts beyond one, it starts there."""
+    bounds: dict[str, dict[str, float]] = {}
+    for factor in factors:
+        bounds |= bounds_at(factor, point[factor.name]) if factor.name in point else {}
+    tunable = {name: {**of, **bounds.get(name, {})} for name, of in tuning.configuration["tunable"].items()}
+    sides = [_moved_to(side, tunable[side.name]) if side.name in bounds else side for side in tuning.dimensions]
+    return replace(tuning, dimensions=tuple(sides), configuration={**tuning.configuration, "tunable": tunable})
+
+
+def _moved_to(side: Side, bounds: Mapping[str, Any]) -> Side:
+    assert isinstance(side, Dimension)
+    low, high = bounds["low"], bounds["high"]
+    return replace(side, low=low, high=high, start=None if side.start is None else min(max(side.start, low), high))
 
 
 def _with(values: Mapping[str, Any], path: Sequence[str], value: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.claims import Claim, Entry
-from navbench.analysis.factors import Factor
+from navbench.analysis.factors import SEARCHED, Factor, bounds_at
 from navbench.analysis.measuring import MeasureError
 from navbench.analysis.multiverse import Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN
@@ -26,6 +26,7 @@ from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell
 from navbench.mathematics.statistics import Estimate
 from navbench.records import CellKey, RobotRecord
+from navbench.tuning.space import Dimension, Side
 from navbench.validation import DescriptionError
 
 CODES = {"reproduced": HOLDS, "partly": PARTLY, "not_testable": CHAOTIC}
@@ -77,11 +78,13 @@ class Drawn(NamedTuple):
         cell: as its study has it; of a tuned one with its controller's own parameters.
         parts: the places of its parts.
         gains: for each seed of its tuning the parameters that it takes from it.
+        searched: what that tuning searched, by name.
     """
 
     cell: Cell
     parts: tuple[int, ...]
     gains: Mapping[int, Mapping[str, Any]]
+    searched: Mapping[str, Side]
 
 
 class Told(NamedTuple):
@@ -158,8 +161,7 @@ class Reconstructions:
         """For each dimension the places of the claims that it may change."""
         found = []
         for i in range(len(self.factors)):
-            moved = {k for k, one in enumerate(self.cells) if any(i in self.parts[p].factors for p in one.parts)}
-            found.append(self._using(moved))
+            found.append(self._using({k for k, one in enumerate(self.cells) if self._is_moved(one, i)}))
         for choice in self.choices:
             tuned = set() if choice.of else {k for k, one in enumerate(self.cells) if one.cell.tuning}
             own = {k for k, entry in enumerate(self.claims) if entry.name == choice.of}
@@ -173,6 +175,14 @@ class Reconstructions:
             entry.name: [i for i, claims in enumerate(self.touched) if k in claims]
             for k, entry in enumerate(self.claims)
         }
+
+    def _is_moved(self, one: Drawn, factor: int) -> bool:
+        """Return whether a factor may change a cell; what a cell takes from its tuning, none of its factors does."""
+        keys = self.factors[factor].members if any(factor in self.parts[p].factors for p in one.parts) else ()
+        if not one.cell.tuning:
+            return any(not key.startswith(SEARCHED) for key in keys)
+        tuned = {f"build.{name}" for gains in one.gains.values() for name in gains}
+        return any(key not in tuned for key in keys)
 
     def _using(self, cells: set[int]) -> frozenset[int]:
         return frozenset(k for k, used in enumerate(self.uses) if used & cells)
@@ -294,7 +304,9 @@ class _Run:
     def _is_same(self, index: int) -> bool:
         """Return whether a cell is the same in the first run."""
         first, drawn = self._first, self.of.cells[index]
-        if first is None or (drawn.cell.tuning and self._chosen("") != first._chosen("")):
+        if first is None:
+            return False
+        if drawn.cell.tuning and (self._chosen(""), self._bounds(drawn)) != (first._chosen(""), first._bounds(drawn)):
             return False
         return all(self._part(place) is first._part(place) for place in drawn.parts)
 
@@ -332,8 +344,17 @@ class _Run:
         if cell.tuning:
             seed = self._chosen("").get("seed", min(drawn.gains))
             seed = seed if seed in drawn.gains else min(drawn.gains)
-            cell = replace(cell.with_parameters(drawn.gains[seed]), tuning_seed=seed)
+            gains = _between(drawn.gains[seed], drawn.searched, self._bounds(drawn))
+            cell = replace(cell.with_parameters(gains), tuning_seed=seed)
         return cell
+
+    def _bounds(self, drawn: Drawn) -> dict[str, dict[str, float]]:
+        """Return which bounds of a cell's tuning are others in this reconstruction."""
+        found: dict[str, dict[str, float]] = {}
+        if self.u is not None:
+            for i in (i for place in drawn.parts for i in self.of.parts[place].factors):
+                found |= bounds_at(self.of.factors[i], float(self.u[i]))
+        return found
 
     def _chosen(self, of: str) -> dict[str, Any]:
         """Return what was chosen for a claim, or of the tunings, by its word."""
@@ -352,6 +373,22 @@ class _Run:
                 first = made_part(one.part, one.thing, values)
             self._made[index] = first
         return self._made[index]
+
+
+def _between(
+    gains: Mapping[str, Any], searched: Mapping[str, Side], bounds: Mapping[str, Mapping[str, float]]
+) -> dict[str, Any]:
+    """Return what a tuning found as it would lie within other bounds: at the same place between them.
+
+    So it is of what runs to a bound, as the kp of aouf2019 does; to tune anew in each reconstruction would take hours.
+    """
+    found = dict(gains)
+    for name, bound in bounds.items():
+        side = searched[name]
+        if name in gains and isinstance(side, Dimension):
+            low, high = bound.get("low", side.low), bound.get("high", side.high)
+            found[name] = replace(side, low=low, high=high, start=None).value_at(side.unit_at(gains[name]))
+    return found
 
 
 def _code(claim: Claim, figure: Estimate) -> int:

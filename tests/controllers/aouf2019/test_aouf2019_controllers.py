@@ -277,6 +277,18 @@ def test_sliding_begins_wall_following_at_once_where_the_goal_is_beyond_the_obst
     assert controller.trace["stalled"] == 0.0
 
 
+@pytest.mark.parametrize(("goal", "expected"), [((1.0, 1.0), FOLLOW_WALL), ((1.0, -1.0), GO_TO_GOAL)])
+def test_by_the_letter_wall_following_begins_without_progress_and_with_the_goal_beyond(
+    goal: tuple[float, float], expected: float
+) -> None:
+    controller = make("sflc", {"begins": "both"})
+    for _ in range(WINDOW):
+        heading_error(controller, see(goal=goal, ranges={"left": 0.12, "rear_left": 0.13}))
+        assert controller.trace["behavior"] == GO_TO_GOAL
+    heading_error(controller, see(goal=goal, ranges={"left": 0.12, "rear_left": 0.13}))
+    assert (controller.trace["behavior"], controller.trace["stalled"]) == (expected, 1.0)
+
+
 @pytest.mark.parametrize(("progress_from", "expected"), [("best", 4.0), ("switch", 5.0)])
 def test_progress_counts_from_the_best_distance_or_from_the_switch(progress_from: str, expected: float) -> None:
     controller = make("sflc", {"progress_from": progress_from})
