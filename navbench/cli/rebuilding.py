@@ -184,6 +184,22 @@ def _moved_to(side: Side, bounds: Mapping[str, Any]) -> Side:
     return replace(side, low=low, high=high, start=None if side.start is None else min(max(side.start, low), high))
 
 
+def between(
+    gains: Mapping[str, Any], searched: Mapping[str, Side], bounds: Mapping[str, Mapping[str, float]]
+) -> dict[str, Any]:
+    """Return what a tuning found as it would lie within other bounds: at the same place between them.
+
+    So it is of what runs to a bound, as the kp of aouf2019 does; to tune anew in each reconstruction would take hours.
+    """
+    found = dict(gains)
+    for name, bound in bounds.items():
+        side = searched[name]
+        if name in gains and isinstance(side, Dimension):
+            low, high = bound.get("low", side.low), bound.get("high", side.high)
+            found[name] = replace(side, low=low, high=high, start=None).value_at(side.unit_at(gains[name]))
+    return found
+
+
 def _with(values: Mapping[str, Any], path: Sequence[str], value: Any) -> dict[str, Any]:
     """Return a mapping with another value at a place."""
     first, *rest = path

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navbench.analysis.claims import Claim, Entry
-from navbench.analysis.factors import SEARCHED, Factor, bounds_at
+from navbench.analysis.factors import Factor, apply, bounds_at
 from navbench.analysis.measuring import MeasureError
 from navbench.analysis.multiverse import Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN
 from navbench.analysis.verdicts import figure_of, verdict
-from navbench.cli.rebuilding import Made, made_part, moved, rebuilt
+from navbench.cli.rebuilding import Made, between, made_part, moved, rebuilt
 from navbench.cli.sample import Offered, Places, Sample
 from navbench.episode.loop import EpisodeRunner
 from navbench.experiments.cells import Cell
 from navbench.mathematics.statistics import Estimate
 from navbench.records import CellKey, RobotRecord
-from navbench.tuning.space import Dimension, Side
+from navbench.tuning.space import Side
 from navbench.validation import DescriptionError
 
 CODES = {"reproduced": HOLDS, "partly": PARTLY, "not_testable": CHAOTIC}
@@ -177,12 +177,14 @@ class Reconstructions:
         }
 
     def _is_moved(self, one: Drawn, factor: int) -> bool:
-        """Return whether a factor may change a cell; what a cell takes from its tuning, none of its factors does."""
-        keys = self.factors[factor].members if any(factor in self.parts[p].factors for p in one.parts) else ()
-        if not one.cell.tuning:
-            return any(not key.startswith(SEARCHED) for key in keys)
-        tuned = {f"build.{name}" for gains in one.gains.values() for name in gains}
-        return any(key not in tuned for key in keys)
+        """Return whether a factor may change a cell: more than what that sets itself or takes from its tuning."""
+        parts = [part for part in map(self.parts.__getitem__, one.parts) if factor in part.factors]
+        moving = self.factors[factor]
+        if one.cell.tuning and any(bounds_at(moving, 0.5) for _ in parts):
+            return True
+        tuned = {f"controller.build.{name}" for gains in one.gains.values() for name in gains}
+        places = (set(apply(moving, 0.5, {part.part: part.configuration})) - part.own for part in parts)
+        return any(of - tuned for of in places)
 
     def _using(self, cells: set[int]) -> frozenset[int]:
         return frozenset(k for k, used in enumerate(self.uses) if used & cells)
@@ -344,7 +346,7 @@ class _Run:
         if cell.tuning:
             seed = self._chosen("").get("seed", min(drawn.gains))
             seed = seed if seed in drawn.gains else min(drawn.gains)
-            gains = _between(drawn.gains[seed], drawn.searched, self._bounds(drawn))
+            gains = between(drawn.gains[seed], drawn.searched, self._bounds(drawn))
             cell = replace(cell.with_parameters(gains), tuning_seed=seed)
         return cell
 
@@ -373,22 +375,6 @@ class _Run:
                 first = made_part(one.part, one.thing, values)
             self._made[index] = first
         return self._made[index]
-
-
-def _between(
-    gains: Mapping[str, Any], searched: Mapping[str, Side], bounds: Mapping[str, Mapping[str, float]]
-) -> dict[str, Any]:
-    """Return what a tuning found as it would lie within other bounds: at the same place between them.
-
-    So it is of what runs to a bound, as the kp of aouf2019 does; to tune anew in each reconstruction would take hours.
-    """
-    found = dict(gains)
-    for name, bound in bounds.items():
-        side = searched[name]
-        if name in gains and isinstance(side, Dimension):
-            low, high = bound.get("low", side.low), bound.get("high", side.high)
-            found[name] = replace(side, low=low, high=high, start=None).value_at(side.unit_at(gains[name]))
-    return found
 
 
 def _code(claim: Claim, figure: Estimate) -> int:

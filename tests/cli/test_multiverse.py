@@ -17,12 +17,15 @@ from navbench.analysis.fitting import Met, Target, targets, values_in
 from navbench.analysis.shares import FAILS, HOLDS, Drawn
 from navbench.analysis.stored import StoredResults
 from navbench.cli.prior import reconstructions_of
+from navbench.cli.rebuilding import between, fitted
 from navbench.cli.sample import Places, Sample
 from navbench.cli.sampling import Block, places, run_block
 from navbench.cli.searching import POPULATION, Searches
+from navbench.cli.study_configuration import compose_study
 from navbench.experiments import parts
 from navbench.experiments.files import locked
 from navbench.experiments.samples import DRAWN, MOVED, Samples
+from navbench.tuning.space import Dimension
 
 STUDY = """
 # @package _global_
@@ -154,6 +157,83 @@ def test_what_a_cell_sets_itself_stays_and_what_it_does_not_moves(folder: Path) 
     assert [told.codes[names.index("time")] for told in ends] == [FAILS, FAILS]
 
 
+def test_what_a_cell_sets_only_to_name_a_reading_moves_all_the_same(folder: Path) -> None:
+    file = folder / "conf/study/tiny.yaml"
+    before = reconstructions_of("tiny", folder, "conf")
+    file.write_text(file.read_text().replace("  implied:", "  free: {go_to_goal.speed_mps: [rule]}\n  implied:"))
+    of = reconstructions_of("tiny", folder, "conf")
+    k = [entry.name for entry in of.claims].index("time-set")
+    times = [of.tell(np.full(len(of.names), u)).values[k] for u in (0.0, 1.0)]
+    assert times == pytest.approx([1.95 / LOW, 1.95 / HIGH], rel=5e-3)
+    (own, fast) = (one.names.index("go_to_goal.speed_mps") for one in (before, of))
+    assert (own in before.reaches["time-set"], fast in of.reaches["time-set"]) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("free", "said"),
+    [
+        ("go_to_goal.speed_mph: [rule]", "free.go_to_goal.speed_mph: no such factor; did you mean"),
+        (
+            "go_to_goal.speed_mps: [rules]",
+            "free.go_to_goal.speed_mps=rules: no cell has this label; did you mean rule?",
+        ),
+    ],
+)
+def test_what_is_to_move_all_the_same_is_a_factor_of_cells_that_there_are(
+    command: Command, folder: Path, free: str, said: str
+) -> None:
+    file = folder / "conf/study/tiny.yaml"
+    file.write_text(file.read_text().replace("  implied:", f"  free: {{{free}}}\n  implied:"))
+    done = command(*WORDS)
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert f"study/tiny.multiverse.{said}" in done.err
+
+
+TUNED = """
+# @package _global_
+title: "bounded: a tuned PID"
+summary: A PID drives a straight line.
+tunings:
+  - {name: few, overrides: [controller=pid, simulator=planar, tuner=random, objective=ise, world=line, budget=10]}
+cells:
+  - {name: line, label: tuned, tuning: few, overrides: [controller=pid, world=line, simulator=planar]}
+  - {name: line, label: untuned, overrides: [controller=pid, world=line, simulator=planar]}
+claims:
+  tuned: {says: it arrives, holds: in 95 % of the cases, measure: share_reached, of: {cell: line, label: tuned}}
+  untuned: {says: it arrives, holds: in 95 % of the cases, measure: share_reached, of: {cell: line, label: untuned}}
+multiverse:
+  admissible: {there: {says: it arrives, holds: in 80 % of the cases, measure: share_reached, of: {cell: line}}}
+report: [{name: verdicts, title: Claims, groups: {}}]
+"""
+
+
+def test_a_tuned_cell_takes_what_lies_at_the_same_place_between_the_bounds_that_are_drawn(
+    command: Command, folder: Path
+) -> None:
+    (folder / "conf/study/bounded.yaml").write_text(TUNED.lstrip())
+    assert command("study", "bounded", "workers=1", "--config-dir", "conf").code == 0
+    of = reconstructions_of("bounded", folder / "outputs/study/bounded", "conf")
+    tuned, untuned = ({of.names[i] for i in of.reaches[name]} for name in ("tuned", "untuned"))
+    assert tuned ^ untuned == {"pid.tunable.kp.high", "pid.kp", "pid.ki", "pid.kd"}
+    assert "pid.tunable.kp.high" in tuned
+    (one,) = (drawn for drawn in of.cells if drawn.cell.tuning)
+    (gains,) = one.gains.values()
+    assert 0.0 <= gains["kp"] <= 10.0
+    moved = between(gains, one.searched, {"kp": {"high": 2.0}})
+    assert moved == {**gains, "kp": pytest.approx(0.2 * gains["kp"], rel=1e-12)}
+    assert between(gains, one.searched, {}) == gains
+    bound = of.names.index("pid.tunable.kp.high")
+    assert of.factors[bound].bounds == (1.0, 20.0)
+    point = {of.names[bound]: 0.0}
+    best = folder / "best.json"
+    best.write_text(json.dumps({"point": point, "claims": []}))
+    (tuning,) = fitted(compose_study("bounded", "conf"), best, "conf").tunings
+    assert tuning.configuration["tunable"]["kp"] == {"low": 0.0, "high": 1.0, "scale": "linear"}
+    (side,) = (side for side in tuning.dimensions if side.name == "kp")
+    assert isinstance(side, Dimension)
+    assert (side.high, side.start) == (1.0, 1.0)  # it starts at 5 where the bound allows it
+
+
 def test_the_study_s_own_reconstruction_says_what_the_study_does(command: Command, folder: Path) -> None:
     assert command("study", "tiny", "workers=1", "--config-dir", "conf").code == 0
     stored: dict[Any, Any] = pd.read_csv("results/tiny/claims.csv").set_index("id")["measured"].to_dict()
@@ -166,7 +246,7 @@ def test_the_study_s_own_reconstruction_says_what_the_study_does(command: Comman
     (tables / "shares.csv").write_text("id,verdict,share\ntime,open,0.4\narrives,robust,1.0\n")
     assert command("report", "join=results").code == 0
     joined = (folder / "results/README.md").read_text()
-    assert "| tiny | 1 | 1 | 0 | 0 |" in joined
+    assert "| tiny | 1 | 1 | 0 | 0 | 0 |" in joined
     assert (folder / "results/figures/shares.png").is_file()
 
 
