@@ -41,6 +41,13 @@ class Search(NamedTuple):
     starts: int
 
 
+TUNED = (
+    "Nothing is tuned or evolved anew: reconstructions take what the study's own tunings found in its own worlds, and "
+    "within other bounds what lies at the same place between them. What a tuning would gain in another layout they do "
+    "not tell."
+)
+
+
 class Told(NamedTuple):
     """What a report of a multiverse is made of.
 
@@ -376,6 +383,7 @@ def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
         "differs by more than 1.96 standard errors.",
         f"Each dimension was moved alone in {int((moved['moved'] == -1).sum()) if len(moved) else 0} reconstructions, "
         "for the claims that hold neither in nearly all nor in hardly any.",
+        *([TUNED] if any(choice["name"] == "tunings.seed" for choice in told.prior["choices"]) else []),
         "The prior was written down before the first reconstruction was run.",
     ]
     return [Heading("How it was made"), *map(Paragraph, lines), Link("Prior", "prior.json")]
