@@ -80,14 +80,48 @@ def share_mainly_while(
     """
 
     def mainly(trajectory: "pd.DataFrame") -> bool | None:
-        periods = trajectory.iloc[:-1]
-        counted = (periods[list(danger)].max(axis=1) >= level) == endangered
-        return bool(periods[column][counted].isin(states).mean() > 0.5) if counted.any() else None
+        share = _share_of_danger(trajectory, column, states, danger, level, endangered)
+        return None if share is None else share > 0.5
 
     return _share_of_episodes(stored, select, mainly)
 
 
-def share_of_time(stored: StoredResults, column: str, states: Sequence[float], select: Select) -> Estimate | None:
+def share_while(
+    stored: StoredResults, column: str, states: Sequence[float], danger: Sequence[str], level: float, select: Select
+) -> Estimate | None:
+    """Return the share of its control periods in danger that a robot is in some states, the median over robots.
+
+    Arguments as ``share_mainly_while``; robots that are never in danger are left out.
+    """
+    shares = [
+        _share_of_danger(trajectory, column, states, danger, level, True)
+        for trajectory in trajectories_of(stored, select)
+    ]
+    return median_of([share for share in shares if share is not None])
+
+
+def _share_of_danger(
+    trajectory: "pd.DataFrame",
+    column: str,
+    states: Sequence[float],
+    danger: Sequence[str],
+    level: float,
+    endangered: bool,
+) -> float | None:
+    """Return the share of the control periods in danger, or not in it, that are in some states; None without any."""
+    periods = trajectory.iloc[:-1]
+    counted = (periods[list(danger)].max(axis=1) >= level) == endangered
+    return float(periods[column][counted].isin(states).mean()) if counted.any() else None
+
+
+def share_of_time(
+    stored: StoredResults,
+    column: str,
+    states: Sequence[float],
+    select: Select,
+    begin_s: float = 0.0,
+    end_s: float = math.inf,
+) -> Estimate | None:
     """Return the share of its time that a robot spends in some states, the median over robots with its range.
 
     Args:
@@ -95,12 +129,11 @@ def share_of_time(stored: StoredResults, column: str, states: Sequence[float], s
         column: the column of the trajectory that holds the state.
         states: the states.
         select: which cells.
+        begin_s: as ``share_mainly`` has it.
+        end_s: likewise.
     """
-    shares = [
-        sum(_times(trajectory, column).get(state, 0.0) for state in states)
-        for trajectory in trajectories_of(stored, select)
-    ]
-    return median_of(shares)
+    times = [_times(trajectory, column, begin_s, end_s) for trajectory in trajectories_of(stored, select)]
+    return median_of([sum(one.get(state, 0.0) for state in states) for one in times if one])
 
 
 def share_mainly(
@@ -185,8 +218,15 @@ def share_of_fleets_clearer(stored: StoredResults, select: Select, than: Select)
     return share_of((pairs["clearance_m"] > pairs["clearance_m_other"]).to_numpy())
 
 
+def share_of_scenes(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return the share of single runs that reach, each in a scene that was chosen: no sample, so without interval."""
+    return share_of_parts((stored.cases(**select)["outcome"] == "reached").to_numpy())
+
+
 def share_of_worlds_safer(stored: StoredResults, select: Select, than: Select) -> Estimate | None:
     """Return the share of worlds in which more robots touch nothing, of the same starts, than of another controller.
+
+    The worlds were chosen and are no sample: there is no interval.
 
     Args:
         stored: the study's results.
@@ -195,7 +235,7 @@ def share_of_worlds_safer(stored: StoredResults, select: Select, than: Select) -
     """
     rows = stored.pairs(select, than)
     free = (rows[["collisions", "collisions_other"]] == 0).groupby(rows["world"]).sum()
-    return share_of((free["collisions"] > free["collisions_other"]).to_numpy())
+    return share_of_parts((free["collisions"] > free["collisions_other"]).to_numpy())
 
 
 def described_total(stored: StoredResults, table: str, column: str) -> Estimate | None:

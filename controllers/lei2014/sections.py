@@ -1,10 +1,13 @@
 """The sections of lei2014's report: a surface over two values, printed numbers of rules beside counted, and eq. 3."""
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from navbench.analysis.claims import entries
-from navbench.controllers.lei2014.measures import turning_cases
+from navbench.controllers.lei2014.measures import share_of_time, share_while, turning_cases
+from navbench.mathematics.statistics import Estimate
 from navbench.report.described import draw_surface
 from navbench.report.document import Blocks, Column
 from navbench.report.figures import new_figure
@@ -57,6 +60,42 @@ def rule_counts(page: Page, *, claims: str, tables: Mapping[str, str]) -> Blocks
             counted = [page.stored.described_value(table, *asked) for table in tables.values()]
             rows.append([claim.says, claim.where, str(claim.printed), *(f"{value:g}" for value in counted)])
     return [page.table([Column("rules"), Column("where"), Column("printed"), *map(Column, tables)], rows)]
+
+
+def times_in(
+    page: Page,
+    *,
+    column: str,
+    states: Mapping[str, float],
+    danger: Sequence[str],
+    level: float,
+    windows: Mapping[str, Mapping[str, Any]],
+    cells: Mapping[str, Select],
+) -> Blocks:
+    """Return the share of the time that a cell's robots spend in each state, beside what the paper says of it.
+
+    Args:
+        column: the column of the trajectory that holds the state.
+        states: the states by their names.
+        danger: columns of the trajectory, for a last row: only control periods in danger.
+        level: in danger is a robot from here on, where the largest of these is that much.
+        windows: of each row, what is ``printed`` and where it begins and ends: ``begin_s``, ``end_s``.
+        cells: what the columns show.
+    """
+
+    def shares(measure: Callable[..., Estimate | None], cell: Select, **more: Any) -> list[float | None]:
+        found = [measure(page.stored, column, [state], select=cell, **more) for state in states.values()]
+        return [None if one is None else 100.0 * one.value for one in found]
+
+    rows = []
+    for says, window in windows.items():
+        times = {name: window[name] for name in ("begin_s", "end_s")}
+        found = [shares(share_of_time, cell, **times) for cell in cells.values()]
+        rows.append([says, window["printed"], *itertools.chain(*found)])
+    found = [shares(share_while, cell, danger=danger, level=level) for cell in cells.values()]
+    rows.append(["in danger", None, *itertools.chain(*found)])
+    heads = [Column(name, f"{cell}, {name}", decimals=0, group=cell) for cell in cells for name in states]
+    return [page.table([Column("when", "when"), Column("printed", "printed"), *heads], rows)]
 
 
 def turning(page: Page, *, select: Select) -> Blocks:

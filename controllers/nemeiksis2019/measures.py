@@ -1,15 +1,18 @@
 """What only the claims about nemeiksis2019 measure: how agents take turns in a run, and how steadily it goes."""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navbench.analysis.estimates import exact, median_of, share_of, share_of_parts
 from navbench.analysis.printed import band
 from navbench.analysis.stored import StoredResults, reached
 from navbench.analysis.traces import columns_of, records_of, spells
+from navbench.contract import FloatArray
+from navbench.controllers.nemeiksis2019.switch import pattern_of
 from navbench.mathematics.statistics import Estimate
 
 Select = Mapping[str, Any]
@@ -29,6 +32,15 @@ def median_spread(stored: StoredResults, column: str, select: Select) -> Estimat
 def median_last(stored: StoredResults, column: str, select: Select) -> Estimate | None:
     """Return a column's value in the last control period: the median episode's, with the range."""
     return median_of([float(values[-1]) for values in columns_of(stored, column, select)])
+
+
+def median_extreme(
+    stored: StoredResults, columns: Sequence[str], end: Literal["least", "greatest"], select: Select
+) -> Estimate | None:
+    """Return the least or the greatest value of some columns in an episode: the median episode's, with the range."""
+    reduce = {"least": np.min, "greatest": np.max}[end]
+    episodes = zip(*(columns_of(stored, column, select) for column in columns), strict=True)
+    return median_of([float(reduce(np.concatenate(values))) for values in episodes])
 
 
 def share_of_periods_within(
@@ -75,11 +87,28 @@ def share_of_changes_while(
         value: its value.
         select: which cells.
     """
+    holds = [others == value for others in columns_of(stored, active, select)]
+    return _share_of_changes(columns_of(stored, column, select), by, holds)
+
+
+def share_of_changes_seen(
+    stored: StoredResults, column: str, by: float, sensors: Sequence[int], select: Select
+) -> Estimate | None:
+    """Return what share of a column's changes begins or ends in control periods in which one of some sensors sees.
+
+    As ``share_of_changes_while``; the sensors are by their numbers in the paper.
+    """
+    seen = [pattern.astype(int) & pattern_of(sensors) != 0 for pattern in columns_of(stored, "pattern", select)]
+    return _share_of_changes(columns_of(stored, column, select), by, seen)
+
+
+def _share_of_changes(columns: Iterable[FloatArray], by: float, holds: Iterable[NDArray[np.bool_]]) -> Estimate | None:
+    """Return what share of the changes by more than this begins or ends where something holds: the median episode's."""
     shares = []
-    for found, others in zip(columns_of(stored, column, select), columns_of(stored, active, select), strict=True):
-        holds, changes = others == value, np.abs(np.diff(found)) > by
+    for found, there in zip(columns, holds, strict=True):
+        changes = np.abs(np.diff(found)) > by
         if changes.any():
-            shares.append(float(np.mean((holds[1:] | holds[:-1])[changes])))
+            shares.append(float(np.mean((there[1:] | there[:-1])[changes])))
     return median_of(shares)
 
 
@@ -136,9 +165,13 @@ def share_jumping(
     for found, agents in zip(columns_of(stored, column, select), columns_of(stored, switched, select), strict=True):
         for before, after in itertools.pairwise(spells(agents, least_periods)):
             if value in (before.value, after.value):
-                near = found[max(after.begin - least_periods, 0) : after.begin + least_periods]
-                jumps.append(bool(np.ptp(near) >= share_of_range * np.ptp(found)))
+                jumps.append(change_near(found, after.begin, least_periods) >= share_of_range * np.ptp(found))
     return share_of_parts(jumps)
+
+
+def change_near(values: FloatArray, period: int, within: int) -> float:
+    """Return how far values lie apart from some control periods before one to as many from it on."""
+    return float(np.ptp(values[max(period - within, 0) : period + within]))
 
 
 def share_greater(stored: StoredResults, metric: str, select: Select, than: Select) -> Estimate | None:

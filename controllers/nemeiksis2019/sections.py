@@ -1,10 +1,11 @@
-"""The sections of nemeiksis2019's report: which agent drives along the path, and how often described rows come up."""
+"""The sections of nemeiksis2019's report: which agent drives where, what changes there, counts of described rows."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from navbench.analysis.traces import spells
+from navbench.controllers.nemeiksis2019.measures import change_near
 from navbench.report.document import Blocks, Column, Data
 from navbench.report.drawing import draw_circle, draw_world
 from navbench.report.figures import new_figure
@@ -56,6 +57,48 @@ def spells_on_path(
     begun = [Column("from t", "t_s", "s", 2), Column("x", "x_m", "m", 2), Column("y", "y_m", "m", 2)]
     columns = [Column("", "number"), Column(column, column), *begun, Column("periods", "periods")]
     return [page.plot(figure), page.table(columns, rows)]
+
+
+def switching_points(
+    page: Page,
+    *,
+    select: Select,
+    column: str,
+    values: Mapping[str, float],
+    least_periods: int,
+    at: Mapping[str, int],
+    printed: Mapping[str, str],
+    changing: Mapping[str, str],
+    within_periods: Sequence[int],
+) -> Blocks:
+    """Return what a paper prints of places where a column changes its value, beside what happens there in one run.
+
+    Args:
+        select: which cells; the first episode is looked at.
+        column: the column, such as the active agent.
+        values: what each of its values is called.
+        least_periods: shorter spells do not count.
+        at: the spell that begins at each place.
+        printed: what the paper prints of each place.
+        changing: the columns of which the change near the place is shown, as a share of its range, by their names.
+        within_periods: how many control periods before the place, and from it on, are near.
+    """
+    path = page.stored.trajectory(page.first(select)).iloc[:-1]
+    found, drives = spells(path[column].to_numpy(), least_periods), {value: name for name, value in values.items()}
+    shown = {name: path[one].to_numpy() for name, one in changing.items()}
+    rows = []
+    for place, number in at.items():
+        begin, agents = found[number].begin, [drives[spell.value] for spell in found[number - 1 : number + 1]]
+        shares = [change_near(one, begin, n) / np.ptp(one) for one in shown.values() for n in within_periods]
+        rows.append([place, printed[place], " to ".join(agents), path["t_s"].iloc[begin], *shares])
+    changes = [
+        Column(f"{name} within {n} periods", f"{changing[name]}_{n}", decimals=2)
+        for name in shown
+        for n in within_periods
+    ]
+    told = [Column(name, name) for name in ("point", "printed", "here")]
+    columns = [*told, Column("t", "t_s", "s", 2), *changes]
+    return [page.table(columns, rows)]
 
 
 def counts(page: Page, *, table: str, by: Sequence[str]) -> Blocks:

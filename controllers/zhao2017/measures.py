@@ -1,7 +1,7 @@
 """What only the claims about zhao2017 measure: how robots slow down before a danger and pass each other; eq. 4."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navbench.analysis.estimates import exact, median_of, share_of, share_of_parts
 from navbench.analysis.stored import StoredResults
-from navbench.analysis.traces import periods_of, records_of
+from navbench.analysis.traces import FloatArray, periods_of, records_of, spells
 from navbench.mathematics.statistics import Estimate
 from navbench.robot import Robot
 from navbench.validation import describe
@@ -23,7 +23,12 @@ ROUNDED_S = 1e-9  # of times that are sums of periods
 
 
 def share_of_periods(
-    stored: StoredResults, select: Select, where: Bands, state: str, settled_s: float, holds: Bands
+    stored: StoredResults,
+    select: Select,
+    where: Bands,
+    holds: Bands,
+    state: str | None = None,
+    settled_s: float = 0.0,
 ) -> Estimate | None:
     """Return in what share of some of a robot's control periods some bands hold: the median robot's, with the range.
 
@@ -33,19 +38,20 @@ def share_of_periods(
         stored: the study's results.
         select: which cells and robots.
         where: which periods: a band for each of some columns.
+        holds: what must hold in them: a band for each of some columns.
         state: of these, only those in which this column is 0 and
         settled_s: has been for so long [s], since it was last not 0 or since the beginning.
-        holds: what must hold in them: a band for each of some columns.
     """
     shares = []
-    for trajectory in periods_of(stored, select):
-        t_s = trajectory["t_s"]
-        last_s = t_s.where(trajectory[state] != 0.0).ffill().fillna(0.0)
-        chosen = trajectory[
-            _within(trajectory, where) & (trajectory[state] == 0.0).to_numpy() & (t_s - last_s >= settled_s).to_numpy()
-        ]
-        if len(chosen):
-            shares.append(float(_within(chosen, holds).mean()))
+    for path in _paths(stored, stored.cases(**select)):
+        periods = path.iloc[:-1]
+        counts = _within(periods, where)
+        if state is not None:
+            t_s = periods["t_s"]
+            last_s = t_s.where(periods[state] != 0.0).ffill().fillna(0.0)
+            counts &= ((periods[state] == 0.0) & (t_s - last_s >= settled_s)).to_numpy()
+        if counts.any():
+            shares.append(float(_within(periods[counts], holds).mean()))
     return median_of(shares)
 
 
@@ -133,31 +139,30 @@ def share_regaining(
 def share_possible_approach(stored: StoredResults, speed_mps: float, select: Select) -> Estimate | None:
     """Return in what share of its periods of OA-FLC (4) tells a speed that is possible: the median robot's, with range.
 
-    Among standing discs nothing approaches faster than the robot drives. The speed is the reading of the sensor of R, a
-    ray from the robot's place to the discs, over R.
+    Among standing discs nothing approaches faster than the robot drives.
 
     Args:
         stored: the study's results.
         speed_mps: the fastest possible approach [m/s].
         select: which cells and robots, among standing discs alone.
     """
-    shares = []
-    for row in records_of(stored.cases(**select)):
-        configuration = stored.configuration(row["run_id"])["configuration"]
-        angles = np.array([mount["heading_rad"] for mount in configuration["sensors"]["mounts"]])
-        discs = np.array([(disc.x_m, disc.y_m, disc.radius_m) for disc in stored.world(row["run_id"]).discs])
-        periods = stored.trajectory(row).iloc[:-1]
-        active = periods[periods["active_flc"] != 0.0]
-        direction = active["heading_rad"].to_numpy() + angles[active["danger_sensor"].to_numpy(dtype=int)]
-        away = discs[None, :, :2] - active[["x_m", "y_m"]].to_numpy()[:, None, :]
-        ahead = away[..., 0] * np.cos(direction)[:, None] + away[..., 1] * np.sin(direction)[:, None]
-        half = discs[:, 2] ** 2 - (away**2).sum(axis=2) + ahead**2  # of the ray's chord, squared
-        reach = np.where((half >= 0.0) & (ahead > 0.0), ahead - np.sqrt(np.maximum(half, 0.0)), np.inf).min(axis=1)
-        seen = np.isfinite(reach)
-        reading_m = reach[seen] - configuration["robot"]["radius_m"]  # the sensors stand on the hull
-        if len(reading_m):
-            shares.append(float((reading_m / active["R_s"].to_numpy()[seen] <= speed_mps).mean()))
-    return median_of(shares)
+    return median_of([float((told <= speed_mps).mean()) for told, _ in _approaches(stored, select)])
+
+
+def median_approach(stored: StoredResults, told: bool, select: Select) -> Estimate | None:
+    """Return with what speed a disc comes nearer in OA-FLC's periods [m/s]: the median robot's median, with the range.
+
+    Args:
+        stored: the study's results.
+        told: whether the speed that (4) tells is meant, or the true one.
+        select: which cells and robots, among standing discs alone.
+    """
+    return median_of([float(np.median(speeds[0 if told else 1])) for speeds in _approaches(stored, select)])
+
+
+def share_not_approaching(stored: StoredResults, select: Select) -> Estimate | None:
+    """Return in what share of its periods of OA-FLC its disc comes no nearer: the median robot's, with the range."""
+    return median_of([float((true <= 0.0).mean()) for _, true in _approaches(stored, select)])
 
 
 def share_turning_left(stored: StoredResults, sensor: int, select: Select, special: bool = True) -> Estimate | None:
@@ -180,6 +185,29 @@ def share_turning_left(stored: StoredResults, sensor: int, select: Select, speci
         if len(chosen):
             held.append(bool((chosen["vR_mps"] > chosen["vL_mps"]).all()))
     return share_of(held)
+
+
+def share_turning_by_wheels(stored: StoredResults, column: str, lasting_s: float, select: Select) -> Estimate | None:
+    """Return the share of turns in which a robot ends up turning towards the wheel that is told to be slower.
+
+    A turn is a spell of control periods in a state in which the same wheel is told to be faster. Wheels need time to
+    follow, so a turn counts where it lasts long enough, and by the turning rate in its last period.
+
+    Args:
+        stored: the study's results.
+        column: what tells the state: not 0 in it.
+        lasting_s: how long a turn must last [s].
+        select: which cells and robots.
+    """
+    held = []
+    for path in _paths(stored, stored.cases(**select)):
+        t_s, periods = path["t_s"].to_numpy(), path.iloc[:-1]
+        faster = np.sign((periods["vR_mps"] - periods["vL_mps"]).to_numpy()) * (periods[column] != 0.0).to_numpy()
+        for side, begin, length in spells(faster):
+            end = begin + length
+            if side != 0.0 and t_s[end] - t_s[begin] >= lasting_s - ROUNDED_S:
+                held.append(bool(np.sign(periods["w_radps"].iloc[end - 1]) == side))
+    return share_of_parts(held)
 
 
 def share_passing_first(
@@ -302,6 +330,35 @@ def share_of_discs_met(stored: StoredResults, within_m: float, select: Select) -
             away = np.hypot(*(places - (disc.x_m, disc.y_m)).T).min() - disc.radius_m - robot.radius_m
             met.append(away <= within_m and i not in hit)
     return share_of_parts(met)
+
+
+def _approaches(stored: StoredResults, select: Select) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield of each robot's periods of OA-FLC the speed that (4) tells, and that with which this disc comes nearer.
+
+    The first is the reading of the sensor of R, a ray from the robot's place to the discs, over R; the second follows
+    from the robot's motion since the reading before. Robots without such a period are left out.
+    """
+    for row in records_of(stored.cases(**select)):
+        configuration = stored.configuration(row["run_id"])["configuration"]
+        angles = np.array([mount["heading_rad"] for mount in configuration["sensors"]["mounts"]])
+        discs = np.array([(disc.x_m, disc.y_m, disc.radius_m) for disc in stored.world(row["run_id"]).discs])
+        periods = stored.trajectory(row).iloc[:-1]
+        places = periods[["x_m", "y_m"]].to_numpy()
+        moved = np.diff(places, axis=0, prepend=places[:1])
+        period_s = float(periods["t_s"].diff().median())
+        on = (periods["active_flc"] != 0.0).to_numpy()
+        active = periods[on]
+        direction = active["heading_rad"].to_numpy() + angles[active["danger_sensor"].to_numpy(dtype=int)]
+        away = discs[None, :, :2] - places[on][:, None, :]
+        ahead = away[..., 0] * np.cos(direction)[:, None] + away[..., 1] * np.sin(direction)[:, None]
+        half = discs[:, 2] ** 2 - (away**2).sum(axis=2) + ahead**2  # of the ray's chord, squared
+        reach = np.where((half >= 0.0) & (ahead > 0.0), ahead - np.sqrt(np.maximum(half, 0.0)), np.inf)
+        seen = np.isfinite(reach.min(axis=1))
+        if seen.any():
+            told = reach.min(axis=1) - configuration["robot"]["radius_m"]  # the sensors stand on the hull
+            now = away[np.arange(len(away)), reach.argmin(axis=1)]  # to the centre of the disc that the ray hits
+            nearer_m = np.hypot(*(now + moved[on]).T) - np.hypot(*now.T)
+            yield (told / active["R_s"].to_numpy())[seen], nearer_m[seen] / period_s
 
 
 def _passing(stored: StoredResults, select: Select) -> "pd.DataFrame":

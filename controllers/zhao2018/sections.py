@@ -23,9 +23,9 @@ GAINS = (
     Column("reached", "reached", show="count"),
     Column("reached, compared with", "other", show="count"),
     Column("difference of shares", "difference", decimals=3),
-    Column("length: printed", "length_printed", "%"),
+    Column("length: printed", "length_printed", "%", 2),
     Column("length: here", "length_decrease", "%", 2),
-    Column("time: printed", "time_printed", "%"),
+    Column("time: printed", "time_printed", "%", 2),
     Column("time: here", "time_decrease", "%", 2),
 )
 

@@ -465,7 +465,7 @@ def test_gains_are_the_median_pairs_with_the_range_where_they_are_few(tmp_path: 
         [10.0, -20.0, 50.0]
     )
     assert (row["length_printed"], math.isnan(row["time_printed"])) == (40.0, True)
-    assert "| all | 4 of 5 | 4 of 5 | – | 40 | 50.00 | – | 10.00 [-20.00, 50.00] |" in text
+    assert "| all | 4 of 5 | 4 of 5 | – | 40.00 | 50.00 | – | 10.00 [-20.00, 50.00] |" in text
 
 
 @pytest.mark.parametrize(("count", "is_range"), [(9, True), (10, False)])

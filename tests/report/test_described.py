@@ -10,8 +10,8 @@ from stored import LEI2014, NEMEIKSIS2019, a_cell, a_record, store, told
 
 from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
-from navbench.controllers.lei2014.sections import surface_2d
-from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path
+from navbench.controllers.lei2014.sections import surface_2d, times_in
+from navbench.controllers.nemeiksis2019.sections import counts, spells_on_path, switching_points
 from navbench.experiments.store import Results
 from navbench.records import RobotRecord
 from navbench.report import page
@@ -197,6 +197,40 @@ def test_spells_that_begin_in_one_place_share_their_numbers(tmp_path: Path) -> N
     drawn = (tmp_path / "figures/w.svg").read_text()
     assert "<!-- 1, P1 -->" in drawn or ">1, P1<" in drawn
     assert "figures/w.png" in text
+
+
+def test_the_change_near_a_switching_point_stands_beside_what_is_printed_of_it(tmp_path: Path) -> None:
+    states, far_m = [0.0, 0.0, 1.0, 1.0], [4.0, 4.0, 3.0, 0.0]
+    traced = a_record().traces.copy()
+    traced[:4, 0], traced[:4, 2] = states, far_m
+    reading = store(tmp_path / "in", [(a_cell("A"), [a_record()._replace(traces=traced)])])
+    options: dict[str, Any] = {"select": HERE, "column": "behavior", "values": {"go": 0.0, "follow": 1.0}}
+    options |= {"least_periods": 1, "at": {"P1": 1}, "printed": {"P1": "go, then follow"}, "within_periods": [1, 2]}
+    told(switching_points, reading, tmp_path, file="s", changing={"far": "goal_distance_m"}, **options)
+    (row,) = pd.read_csv(tmp_path / "tables/s.csv").to_dict("records")
+    assert (row["point"], row["printed"], row["here"], row["t_s"]) == ("P1", "go, then follow", "go to follow", 5.0)
+    assert (row["goal_distance_m_1"], row["goal_distance_m_2"]) == (0.25, 1.0)
+
+
+def test_times_in_each_state_stand_by_window_and_in_danger(tmp_path: Path) -> None:
+    traced = a_record().traces.copy()  # periods of 2.5 s
+    traced[:4, 0], traced[:4, 2] = [0.0, 0.0, 1.0, 0.0], [0.0, 0.5, 1.0, 0.0]
+    reading = store(tmp_path / "in", [(a_cell("A"), [a_record()._replace(traces=traced)])])
+    windows = {
+        "at first": {"printed": "mainly MG", "begin_s": 0.0, "end_s": 5.0},
+        "then": {"printed": "mainly AO", "begin_s": 5.0, "end_s": 99.0},
+        "too late": {"printed": "nothing", "begin_s": 50.0, "end_s": 99.0},
+    }
+    states, danger = {"MG": 0.0, "AO": 1.0}, ["goal_distance_m"]
+    options: dict[str, Any] = {"column": "behavior", "states": states, "danger": danger, "level": 0.5}
+    text = told(times_in, reading, tmp_path, file="t", windows=windows, cells={"here": HERE}, **options)
+    lines = [line for line in text.splitlines() if line.startswith("|")][2:]
+    assert lines == [
+        "| at first | mainly MG | 100 | 0 |",
+        "| then | mainly AO | 50 | 50 |",
+        "| too late | nothing | – | – |",
+        "| in danger | – | 50 | 50 |",
+    ]
 
 
 def test_claims_of_one_kind_stand_with_what_is_printed_beside_what_was_measured(tmp_path: Path) -> None:

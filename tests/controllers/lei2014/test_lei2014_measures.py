@@ -15,10 +15,12 @@ from navbench.controllers.lei2014.measures import (
     share_longer_in,
     share_mainly,
     share_mainly_while,
+    share_of_scenes,
     share_of_time,
     share_of_worlds_safer,
     share_on_circles,
     share_turning_as_printed,
+    share_while,
     time_at_least,
     time_in,
     turning_cases,
@@ -109,6 +111,9 @@ def test_a_share_of_time_weighs_the_period_that_is_cut_short(tmp_path: Path) -> 
     stored = stored_of(tmp_path, A=[a_trajectory([0.0, 1.0, 2.0]), a_trajectory([2.0, 2.0])])
     assert share_of_time(stored, "state", [2.0], {"label": "A"}) == pytest.approx((0.6, 0.2, 1.0, 2))
     assert share_of_time(stored, "state", [0.0, 1.0], {"label": "A"}) == pytest.approx((0.4, 0.0, 0.8, 2))
+    late = share_of_time(stored, "state", [2.0], {"label": "A"}, begin_s=4.0)  # which only the first lives to see
+    assert late is not None
+    assert (late.value, late.n) == (1.0, 1)
 
 
 @pytest.mark.parametrize(
@@ -194,8 +199,13 @@ def test_a_world_is_safer_where_more_robots_touch_nothing(tmp_path: Path) -> Non
         (a_cell("B", "other"), [good, bad]),
     ]
     found = share_of_worlds_safer(store(tmp_path, cells), {"label": "A"}, than={"label": "B"})
-    assert found is not None
-    assert (found.value, found.n) == (0.5, 2)
+    assert found == pytest.approx((0.5, math.nan, math.nan, 2), nan_ok=True)  # chosen worlds are no sample
+
+
+def test_chosen_scenes_are_no_sample(tmp_path: Path) -> None:
+    cells = [(a_cell("A", "plain"), [a_record()]), (a_cell("A", "other"), [a_record("collided")])]
+    found = share_of_scenes(store(tmp_path, cells), {"label": "A"})
+    assert found == pytest.approx((0.5, math.nan, math.nan, 2), nan_ok=True)
 
 
 def test_a_state_lasts_from_its_first_period_to_the_end_of_its_last(tmp_path: Path) -> None:
@@ -214,6 +224,13 @@ def test_what_is_mainly_done_in_danger_and_out_of_it_are_told_apart(tmp_path: Pa
         return found.value
 
     assert (mainly([2.0], True), mainly([1.0], True), mainly([0.0], False)) == (1.0, 0.0, 1.0)
+
+
+def test_a_share_in_danger_counts_its_periods_alone(tmp_path: Path) -> None:
+    never = a_trajectory([0.0, 0.0])
+    stored = stored_of(tmp_path, A=[a_trajectory([0.0, 0.0, 1.0, 2.0, 2.0]), a_trajectory([1.0, 2.0]), never])
+    assert share_while(stored, "state", [2.0], ["level"], 0.1, {"label": "A"}) == pytest.approx((7 / 12, 0.5, 2 / 3, 2))
+    assert share_while(stored, "state", [2.0], ["level"], 0.5, {"label": "A"}) is None
 
 
 # --- eq. 3 ---

@@ -70,6 +70,13 @@ def test_the_robots_never_avoid_an_obstacle_they_follow_it() -> None:
             assert behaviors == {0.0, 2.0}
 
 
+def test_in_the_experiment_no_rule_fires_of_a_target_ahead_with_danger_on_both_sides() -> None:
+    for controller in ("dual_layer", "dual_layer_slow"):
+        for record in drive("lei_swap", "controller.build.rules=literal", controller=controller):
+            both = np.minimum(column(record, "lddc"), column(record, "rddc"))
+            assert both.max() == 0.0  # so that it does not matter that literal drives straight on there, see Rule 2.3
+
+
 def test_by_the_symmetric_rules_they_avoid_from_52_to_80_seconds_at_the_fitted_speed() -> None:
     records = drive("lei_swap", controller="dual_layer_symmetric")
     assert all_reach(records)

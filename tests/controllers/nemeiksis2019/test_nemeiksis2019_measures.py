@@ -9,6 +9,7 @@ from stored import TRACE, a_cell, a_record, store
 from navbench.analysis.stored import StoredResults
 from navbench.analysis.traces import spells
 from navbench.controllers.nemeiksis2019 import measures
+from navbench.controllers.nemeiksis2019.switch import pattern_of
 from navbench.records import RobotRecord
 from navbench.validation import DescriptionError
 
@@ -40,6 +41,14 @@ def test_spread_and_last_value_leave_out_the_row_at_the_end(tmp_path: Path) -> N
     stored = stored_of(tmp_path, a_run(goal_distance_m=[3.0, 5.0, 1.0]), a_run(goal_distance_m=[2.0, 2.0, 2.0]))
     assert measures.median_spread(stored, "goal_distance_m", ALL) == (2.0, 0.0, 4.0, 2)
     assert measures.median_last(stored, "goal_distance_m", ALL) == (1.5, 1.0, 2.0, 2)
+
+
+def test_the_extremes_are_those_of_all_columns(tmp_path: Path) -> None:
+    first = a_run(goal_distance_m=[3.0, 5.0, 1.0], heading_error_rad=[2.0, 6.0, 2.0])
+    stored = stored_of(tmp_path, first, a_run(goal_distance_m=[2.0, 2.0], heading_error_rad=[2.0, 4.0]))
+    both = ["goal_distance_m", "heading_error_rad"]
+    assert measures.median_extreme(stored, both, "least", ALL) == (1.5, 1.0, 2.0, 2)
+    assert measures.median_extreme(stored, both, "greatest", ALL) == (5.0, 4.0, 6.0, 2)
 
 
 def test_a_band_counts_the_periods_in_which_all_columns_lie_in_it(tmp_path: Path) -> None:
@@ -122,3 +131,14 @@ def test_changes_count_where_another_column_has_a_value_before_or_after_them(tmp
     assert found is not None
     assert found.value == pytest.approx(1.0 / 3.0)
     assert measures.share_of_changes_while(stored, "goal_distance_m", 5.0, "behavior", 1.0, ALL) is None
+
+
+def test_changes_count_where_one_of_some_sensors_sees_before_or_after_them(tmp_path: Path) -> None:
+    flank, front = pattern_of([1, 10]), pattern_of([1, 3])
+    run = a_run(goal_distance_m=[1.0, 2.0, 2.0, 3.0, 4.0], stalled=[0.0, front, flank, flank, flank])
+    named = tuple("pattern" if name == "stalled" else name for name in run.trace_names)
+    stored = stored_of(tmp_path, run._replace(trace_names=named))
+    for sensors, share in (([2, 3, 4], 1.0 / 3.0), ([1], 1.0), ([7, 8, 9], 0.0)):
+        found = measures.share_of_changes_seen(stored, "goal_distance_m", 0.5, sensors, ALL)
+        assert found is not None
+        assert found.value == pytest.approx(share)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stored import ZHAO2017, Fleet, a_cell, a_drive, store
+from stored import WORLD, ZHAO2017, Fleet, a_cell, a_drive, store
 
 from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
@@ -72,6 +72,12 @@ def test_both_ends_of_a_band_lie_in_it_and_all_bands_must_hold(tmp_path: Path) -
 def test_the_end_of_a_way_is_no_period(tmp_path: Path) -> None:
     stored = stored_of(tmp_path, calm(0.1, 0.5))  # the last speed stands twice in the table
     assert share_of(share_of_periods(stored, {}, {"v_mps": [0.5, 0.5]})) == (0.5, 1)
+
+
+def test_without_a_state_all_periods_count(tmp_path: Path) -> None:
+    stored = stored_of(tmp_path, a_drive([0.1, 0.2, 0.3], on=[1, 1, 0]))
+    found = value_of(stored, f"{ZHAO2017}.share_of_periods", where={"on": [1, 1]}, holds={"v_mps": [0.2, 1.0]})
+    assert share_of(found) == (0.5, 1)
 
 
 def test_robots_without_such_a_period_do_not_count_and_none_is_nothing(tmp_path: Path) -> None:
@@ -224,6 +230,53 @@ def test_only_fleets_that_all_reach_pass_and_one_robot_makes_a_fleets_case(tmp_p
     assert share_of(value_of(stored, f"{ZHAO2017}.least_speed")) == pytest.approx((0.15, 2))  # 0 and 0.3
     first = {"select": {**A, "robot_index": 0}, **backing, "passing": True}  # whose fleet reached only once
     assert share_of(measure(stored, f"{ZHAO2017}.share_ever", first)) == (1.0, 1)
+
+
+# --- turning by the wheels ---
+
+
+def a_turn(turning: list[float], on: list[int], left: list[float], right: list[float]) -> RobotRecord:
+    """Return a path with a turning rate and two told wheel speeds for each period."""
+    drive = a_drive([0.1] * len(turning), on=on, vL_mps=left, vR_mps=right)
+    states = drive.states.copy()
+    states[:, 5] = [*turning, turning[-1]]
+    return drive._replace(states=states)
+
+
+def test_a_turn_is_judged_by_its_last_period_and_counts_where_it_lasts(tmp_path: Path) -> None:
+    turns = [
+        a_turn([-0.1, 0.2, 0.2], [1, 1, 1], [0.0] * 3, [1.0] * 3),  # to the left, after a period of lag
+        a_turn([-0.1, -0.2, 0.2], [1, 1, 0], [0.0] * 3, [1.0] * 3),  # it never turns to the left while it is told so
+        a_turn([-0.1, -0.2, 0.2], [1, 1, 1], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]),  # to the right, then to the left
+        a_turn([0.1, 0.1, 0.1], [1, 1, 1], [1.0] * 3, [1.0] * 3),  # no wheel is told to be faster
+        a_turn([0.1, 0.1, 0.1], [0, 0, 0], [0.0] * 3, [1.0] * 3),  # never in the state
+    ]
+    stored = stored_of(tmp_path, *turns)
+    for lasting_s, expected in ((1.0, (3 / 4, 4)), (2.0, (2 / 3, 3)), (3.0, (1.0, 1))):
+        found = value_of(stored, f"{ZHAO2017}.share_turning_by_wheels", column="on", lasting_s=lasting_s)
+        assert share_of(found) == pytest.approx(expected)
+    assert value_of(stored, f"{ZHAO2017}.share_turning_by_wheels", column="on", lasting_s=3.1) is None
+
+
+# --- how fast a disc comes nearer ---
+
+
+def test_the_told_approach_is_the_reading_over_r_and_the_true_one_what_the_robot_moved(tmp_path: Path) -> None:
+    cell = a_cell("A", scene=WORLD | {"boxes": [], "discs": [{"x_m": 2.0, "y_m": 0.0, "radius_m": 0.5}]})
+    mounts = [{"heading_rad": 0.0}, {"heading_rad": math.pi / 2.0}]  # the second one sees nothing
+    cell = cell._replace(configuration={**cell.configuration, "sensors": {"mounts": mounts}})
+    drive = a_drive(
+        [0.1, 0.1, 0.1, -0.1, 0.1],
+        places=[(0.0, 0.0), (0.1, 0.0), (0.2, 0.0), (0.1, 0.0), (0.2, 0.0), (0.3, 0.0)],
+        active_flc=[0, 1, 1, 1, 1],
+        danger_sensor=[0, 0, 0, 0, 1],
+        R_s=[1.0, 0.65, 0.2, 1.3, 1.0],  # of readings of 1.3, 1.2 and 1.3 m: 2, 6 and 1 m/s
+    )
+    stored = store(tmp_path, [(cell, [drive])])
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_possible_approach", speed_mps=2.5)) == pytest.approx((2 / 3, 1))
+    for told, expected in ((True, 2.0), (False, 0.1)):
+        assert share_of(value_of(stored, f"{ZHAO2017}.median_approach", told=told)) == pytest.approx((expected, 1))
+    assert share_of(value_of(stored, f"{ZHAO2017}.share_not_approaching")) == pytest.approx((1 / 3, 1))
 
 
 # --- one passes first ---
