@@ -125,10 +125,14 @@ def apply(factor: Factor, u: float, configuration: Mapping[str, Any]) -> dict[st
     return found
 
 
-def bounds_at(factor: Factor, u: float) -> dict[str, dict[str, float]]:
-    """Return which bounds of what tunings search a factor sets: ``{"kp": {"high": 2.0}}``; arguments as ``apply``."""
+def bounds_at(to: Iterable[tuple[Factor, float]]) -> dict[str, dict[str, float]]:
+    """Return which bounds of what tunings search some factors set: ``{"kp": {"high": 2.0}}``.
+
+    Args:
+        to: factors, each with where in its range, in [0, 1].
+    """
     found: dict[str, dict[str, float]] = {}
-    for key, source in factor.members.items():
+    for key, source, u in ((key, source, u) for factor, u in to for key, source in factor.members.items()):
         if key.startswith(SEARCHED):
             name, _, bound = key.removeprefix(SEARCHED).rpartition(".")
             found.setdefault(name, {})[bound] = _within(source, u)

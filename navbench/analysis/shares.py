@@ -33,8 +33,8 @@ def held(codes: NDArray[np.integer], claim: Claim) -> BoolArray:
     """Return where a claim holds, by the verdicts on it.
 
     A printed single run also holds where the verdict is partly: the median of starts within a millimetre lies within
-    the tolerance, and they scatter by no more. That it lies among the central 90 % of them, as the verdict on one
-    reconstruction asks, none of many can do that differ by more than these starts.
+    the tolerance, and they scatter by no more. The verdict on one reconstruction also asks that the run lies among the
+    central 90 % of them. Hardly any of many reconstructions has that: they differ by more than such starts.
     """
     within = claim.compare is not None and claim.printed is not None
     found: BoolArray = np.isin(codes, (HOLDS, PARTLY) if within else HOLDS)

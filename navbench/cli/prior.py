@@ -54,13 +54,13 @@ def reconstructions_of(
     cells = [cells[k] for k in needed]
     places = {k: i for i, k in enumerate(needed)}
     factors = factors_of(cell.key() for cell in cells)
+    check_free(multiverse, factors, {cell.key().label for cell in cells}, f"study/{study}.multiverse.free")
     key = f"study/{study}.multiverse.priors"
     others = {name: under(ranges, factors, f"{key}.{name}") for name, ranges in multiverse.priors.items()}
     if prior is not None:
         if prior not in others:
             raise DescriptionError(f"prior={prior}: no such prior; {instead(prior, others, 'there are')}")
         factors = others[prior]
-    check_free(multiverse, factors, {cell.key().label for cell in cells}, f"study/{study}.multiverse.free")
     base = base_of(cells, config_dir)
     factors = [factor for factor in factors if any(_moves(factor, cell, base, multiverse) for cell in cells)]
     parts: dict[str, Part] = {}

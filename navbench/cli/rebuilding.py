@@ -170,9 +170,7 @@ def fitted(plan: Plan, file: Path, config_dir: str | Path | None = None) -> Plan
 
 def _within(tuning: Tuning, factors: Iterable[Factor], point: Mapping[str, float]) -> Tuning:
     """Return a tuning with the bounds that some factors set; where it starts beyond one, it starts there."""
-    bounds: dict[str, dict[str, float]] = {}
-    for factor in factors:
-        bounds |= bounds_at(factor, point[factor.name]) if factor.name in point else {}
+    bounds = bounds_at((factor, point[factor.name]) for factor in factors if factor.name in point)
     tunable = {name: {**of, **bounds.get(name, {})} for name, of in tuning.configuration["tunable"].items()}
     sides = [_moved_to(side, tunable[side.name]) if side.name in bounds else side for side in tuning.dimensions]
     return replace(tuning, dimensions=tuple(sides), configuration={**tuning.configuration, "tunable": tunable})

@@ -180,7 +180,7 @@ class Reconstructions:
         """Return whether a factor may change a cell: more than what that sets itself or takes from its tuning."""
         parts = [part for part in map(self.parts.__getitem__, one.parts) if factor in part.factors]
         moving = self.factors[factor]
-        if one.cell.tuning and any(bounds_at(moving, 0.5) for _ in parts):
+        if one.cell.tuning and parts and bounds_at([(moving, 0.5)]):
             return True
         tuned = {f"controller.build.{name}" for gains in one.gains.values() for name in gains}
         places = (set(apply(moving, 0.5, {part.part: part.configuration})) - part.own for part in parts)
@@ -352,11 +352,10 @@ class _Run:
 
     def _bounds(self, drawn: Drawn) -> dict[str, dict[str, float]]:
         """Return which bounds of a cell's tuning are others in this reconstruction."""
-        found: dict[str, dict[str, float]] = {}
-        if self.u is not None:
-            for i in (i for place in drawn.parts for i in self.of.parts[place].factors):
-                found |= bounds_at(self.of.factors[i], float(self.u[i]))
-        return found
+        if self.u is None:
+            return {}
+        moving = {i for place in drawn.parts for i in self.of.parts[place].factors}
+        return bounds_at((self.of.factors[i], float(self.u[i])) for i in sorted(moving))
 
     def _chosen(self, of: str) -> dict[str, Any]:
         """Return what was chosen for a claim, or of the tunings, by its word."""

@@ -165,6 +165,9 @@ def test_what_a_cell_sets_only_to_name_a_reading_moves_all_the_same(folder: Path
     k = [entry.name for entry in of.claims].index("time-set")
     times = [of.tell(np.full(len(of.names), u)).values[k] for u in (0.0, 1.0)]
     assert times == pytest.approx([1.95 / LOW, 1.95 / HIGH], rel=5e-3)
+    other = next(name for name in of.names if name != "go_to_goal.speed_mps")
+    file.write_text(file.read_text().replace("priors: {", f"priors: {{other: {{{other}: null}}, "))
+    assert reconstructions_of("tiny", folder, "conf", prior="other").names == [other]  # which need not name it
     (own, fast) = (one.names.index("go_to_goal.speed_mps") for one in (before, of))
     assert (own in before.reaches["time-set"], fast in of.reaches["time-set"]) == (False, True)
 
