@@ -164,9 +164,17 @@ def _held(path: Path) -> Iterator[IO[str]]:
                 raise DescriptionError(
                     f"{path.parent}: a run goes on here: {file.read(200)}; wait for it, or choose another directory"
                 ) from None
-            if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
+            if _is_at(path, file):
                 yield file
                 return
+
+
+def _is_at(path: Path, file: IO[str]) -> bool:
+    """Return whether an open file is the one at a path: asked at once, since it may go at any moment."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _opened(path: Path) -> IO[str]:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -286,6 +286,25 @@ def test_of_many_that_want_a_directory_at_once_one_has_it(tmp_path: Path) -> Non
     )
     runs = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "here")]) for _ in range(4)]
     assert [run.wait() for run in runs] == [0] * 4
+
+
+def test_a_lock_that_its_holder_removes_while_it_is_looked_at_is_taken_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock, exists, taken = files._lock, Path.exists, list[int]()
+
+    def removed(file: IO[str]) -> None:
+        lock(file)
+        taken.append(file.fileno())
+        if len(taken) == 1:
+            (tmp_path / "lock").unlink()
+
+    monkeypatch.setattr(files, "_lock", removed)
+    monkeypatch.setattr(Path, "exists", lambda path: path.name == "lock" or exists(path))  # it goes after this
+    with files.locked(tmp_path):
+        assert len(taken) == 2
+        assert f"process {os.getpid()} on" in (tmp_path / "lock").read_text()
+    assert not os.listdir(tmp_path)
 
 
 # A full disk
