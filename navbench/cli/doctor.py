@@ -8,6 +8,7 @@ import platform
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
@@ -160,8 +161,15 @@ def _cache() -> Line:
     wanted = os.environ.get("NAVBENCH_CACHE_DIR", "")
     if wanted and Path(wanted).absolute() not in folder.parents:
         return Line("note", f"NAVBENCH_CACHE_DIR={wanted} cannot be written; {folder} is used")
-    sizes = [file.stat().st_size for file in folder.rglob("*") if file.is_file()]
-    return Line("ok", f"{folder}: can be written, {sum(sizes) / MEGABYTE:.0f} MB; NAVBENCH_CACHE_DIR moves it")
+    return Line("ok", f"{folder}: can be written, {_size(folder) / MEGABYTE:.0f} MB; NAVBENCH_CACHE_DIR moves it")
+
+
+def _size(folder: Path) -> int:
+    size = 0
+    for file in folder.rglob("*"):
+        with suppress(FileNotFoundError):  # another run has removed it meanwhile
+            size += file.lstat().st_size
+    return size
 
 
 def _results() -> Line:

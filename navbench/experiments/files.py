@@ -114,9 +114,10 @@ def existing(path: Path) -> Path:
 def discard_empty(path: Path, there: Path) -> None:
     """Remove a directory that holds nothing, and those above it that then hold nothing, below one that was there."""
     path = path.absolute()
-    while path != there and there in path.parents and path.is_dir() and not any(path.iterdir()):
-        path.rmdir()
-        path = path.parent
+    with suppress(OSError):  # it holds something, or another run has removed it
+        while path != there and there in path.parents:
+            path.rmdir()
+            path = path.parent
 
 
 def _has_ended(temporary: Path) -> bool:
