@@ -365,8 +365,8 @@ def _passing(stored: StoredResults, select: Select) -> "pd.DataFrame":
     """Return the cases of the episodes in which all robots reached, also those that are not selected."""
     rows = stored.cases(**select)
     fleet = stored.cases(**{column: of for column, of in select.items() if column != "robot_index"})
-    passed = (fleet["outcome"] == "reached").groupby([fleet["run_id"], fleet["episode"]]).all()
-    return rows[passed.loc[list(zip(rows["run_id"], rows["episode"], strict=True))].to_numpy(dtype=bool)]
+    lost = set(zip(*(fleet.loc[fleet["outcome"] != "reached", of] for of in ("run_id", "episode")), strict=True))
+    return rows.loc[[of not in lost for of in zip(rows["run_id"], rows["episode"], strict=True)]]
 
 
 def _paths(stored: StoredResults, rows: "pd.DataFrame") -> "list[pd.DataFrame]":

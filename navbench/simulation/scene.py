@@ -9,7 +9,7 @@ from navbench.mathematics.geometry import distance_to_nearest
 from navbench.simulation.index import index_of
 from navbench.world.grid import NO_GRID, nearest_cell
 from navbench.world.layout import Layout
-from navbench.world.shapes import mover_tables, place_movers
+from navbench.world.shapes import place_movers
 
 FloatArray = NDArray[np.float64]
 
@@ -40,8 +40,7 @@ class Scene:
         )
         self.finish_line = layout.finish_line_row()
         self.fastest_mps = layout.fastest_mps
-        self._round_tables = mover_tables(layout.round_movers())
-        self._outlined_tables = mover_tables(layout.outlined_movers())
+        self._round_tables, self._outlined_tables = layout.round_tables, layout.outlined_tables
         self.grid = NO_GRID if layout.grid is None else layout.grid.arrays()
         self.arrays = (
             self.boxes, self.discs, self.polygons, self.finish_line, self._round_tables, self._outlined_tables,

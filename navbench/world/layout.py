@@ -4,7 +4,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -64,7 +64,7 @@ def _point(value: Any) -> Any:
     return Point(*value) if isinstance(value, tuple) else value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
+@dataclass(frozen=True, kw_only=True, config=STRICT)
 class Layout:
     """One drawn instance of a world, for the robots' size that it was drawn for; it is never scaled.
 
@@ -198,14 +198,34 @@ class Layout:
 
     def disc_rows(self, t_s: float = 0.0) -> FloatArray:
         """Return discs, then round movers at a time [s], as (n, 5) rows: x, y, radius [m], vx, vy [m/s]."""
-        still = [(disc.x_m, disc.y_m, disc.radius_m, 0.0, 0.0) for disc in self.discs]
-        moving = [(0.0, 0.0, mover.radius_m, 0.0, 0.0) for mover in self.round_movers()]
-        rows = np.array(still + moving).reshape(-1, 5)
-        place_movers(t_s, *mover_tables(self.round_movers()), rows)
+        rows = self._discs.copy()
+        place_movers(t_s, *self.round_tables, rows)
         return rows
 
     def polygon_rows(self, t_s: float = 0.0) -> FloatArray:
         """Return polygons, then outlined movers at a time [s], as rows of ``polygon_table``."""
+        rows = self._polygons.copy()
+        place_movers(t_s, *self.outlined_tables, rows)
+        return rows
+
+    @cached_property
+    def round_tables(self) -> tuple[FloatArray, FloatArray]:
+        """``mover_tables`` of the movers that are discs, not to be changed."""
+        return mover_tables(self.round_movers())
+
+    @cached_property
+    def outlined_tables(self) -> tuple[FloatArray, FloatArray]:
+        """``mover_tables`` of the movers that are polygons, not to be changed."""
+        return mover_tables(self.outlined_movers())
+
+    @cached_property
+    def _discs(self) -> FloatArray:
+        still = [(disc.x_m, disc.y_m, disc.radius_m, 0.0, 0.0) for disc in self.discs]
+        moving = [(0.0, 0.0, mover.radius_m, 0.0, 0.0) for mover in self.round_movers()]
+        return np.array(still + moving).reshape(-1, 5)
+
+    @cached_property
+    def _polygons(self) -> FloatArray:
         still = []
         for polygon in self.polygons:
             xs, ys = [p.x_m for p in polygon.corners], [p.y_m for p in polygon.corners]
@@ -213,9 +233,7 @@ class Layout:
             around = [Point(x_m=p.x_m - x, y_m=p.y_m - y) for p in polygon.corners]
             still.append((x, y, max(math.hypot(p.x_m, p.y_m) for p in around), around))
         moving = [(0.0, 0.0, mover.radius_m, mover.outline) for mover in self.outlined_movers()]
-        rows = polygon_table([*still, *moving])
-        place_movers(t_s, *mover_tables(self.outlined_movers()), rows)
-        return rows
+        return polygon_table([*still, *moving])
 
     def round_movers(self) -> tuple[Mover, ...]:
         """Return the movers that are discs."""
