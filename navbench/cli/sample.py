@@ -63,6 +63,11 @@ class Sample(StoredResults):
         return pd.DataFrame({**columns, **words, "case": words.get("run_id"), "place": range(len(rows))})
 
     @cached_property
+    def _others(self) -> "pd.DataFrame":
+        """The table of episodes with the names that columns have on a pair's other side."""
+        return self.episodes.drop(columns=list(PAIR)).add_suffix("_other")
+
+    @cached_property
     def _there(self) -> dict[str, tuple["NDArray[np.intp]", ...]]:
         """Where what was asked lies in the table of episodes of every sample of the same cells and episodes."""
         first = {key.run_id: i for i, (_, key, _) in reversed(list(enumerate(self._ran)))}  # of runs that are the same
@@ -98,8 +103,8 @@ class Sample(StoredResults):
             if place not in self._there:
                 rows = super(Sample, self).pairs(select, than, each)
                 self._there[place] = rows["place"].to_numpy(), rows["place_other"].to_numpy()
-            ours, theirs = (self.episodes.take(places).reset_index(drop=True) for places in self._there[place])
-            return pd.concat([ours, theirs.drop(columns=PAIR).add_suffix("_other")], axis=1)
+            sides = zip((self.episodes, self._others), self._there[place], strict=True)
+            return pd.concat([table.take(places).reset_index(drop=True) for table, places in sides], axis=1)
 
         return self._once("pairs", look, **asked)
 
