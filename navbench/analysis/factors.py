@@ -50,6 +50,10 @@ class Factor:
         """Its first value's choices; none of a range."""
         return _choices(next(iter(self.members.values())))
 
+    def at(self, u: float) -> float:
+        """Return where in its first range it is at u in [0, 1]; of a factor without choices."""
+        return _within(next(iter(self.members.values())), u)
+
 
 def factors_of(cells: Iterable[CellKey]) -> list[Factor]:
     """Return the factors of some cells, such as a study's, in the order in which the cells first name them."""

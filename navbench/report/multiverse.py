@@ -20,11 +20,11 @@ from navbench.report.document import RARE, Block, Column, Document, Heading, Lin
 from navbench.report.figures import save_figure
 from navbench.report.reports import write_document
 from navbench.report.shares import VERDICTS, chart, curves, numbers, read_shares
+from navbench.report.together import at_best_of, fitted, listed, point, together
 
 BEST = "best.json"
 SHARE = ["share", "share_low", "share_high", "share_n"]  # columns of a table of shares
 CURVES_MAX = 6  # claims of which the curve is drawn
-LISTED_MAX = 40  # characters of choices that a table lists; of longer ones it gives the number
 
 
 class Search(NamedTuple):
@@ -85,6 +85,17 @@ class Told(NamedTuple):
         found = ((entry, np.array(self.at_best.get(entry.name, UNKNOWN))) for entry in self.claims)
         return [entry.name for entry, code in found if held(code, entry.claim)]
 
+    @property
+    def choices(self) -> dict[str, Sequence[Any]]:
+        """The choices of each value that has no range."""
+        choices: dict[str, Sequence[Any]] = {factor.name: factor.choices for factor in self.factors}
+        return choices | {choice["name"]: choice["values"] for choice in self.prior["choices"]}
+
+    @property
+    def admissible(self) -> NDArray[np.bool_]:
+        """Which reconstructions are admissible."""
+        return admissible_of(self.drawn, self.claims)
+
 
 def write_multiverse(told: Told, out: Path) -> list[Path]:
     """Write the report into a directory and return its files."""
@@ -94,14 +105,14 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
     if curved := _curved(shares):
         ends = {factor.name: factor.bounds for factor in told.factors if not factor.choices}
-        save_figure(curves(told.drawn, curved, _choices(told), ends), out, "curves")
+        save_figure(curves(told.drawn, curved, told.choices, ends), out, "curves")
         caption = (
             "The share in which a claim holds over the range, or at each choice, of the value on which it depends "
             "most; the dashed line is the share over all"
         )
         plots.append(Plot("curves", caption))
     if best and any(best.printed):
-        save_figure(numbers(told.drawn, best, _admissible(told), told.measured), out, "numbers")
+        save_figure(numbers(told.drawn, best, told.admissible, told.measured), out, "numbers")
         plots.append(Plot("numbers", "The printed numbers that do not follow from each other, beside what is measured"))
     document = Document(
         f"{told.title}: in how many reconstructions its claims hold",
@@ -110,45 +121,15 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
             *plots,
             *_claims(told, shares),
             *_other_priors(told, shares, out),
-            *_fitted(told),
+            *fitted(told, shares),
             *_deciding(shares),
             *_factors(told, shares),
             *_made(told, shares),
         ],
     )
     if best:
-        write_table(out / BEST, json.dumps(_point(told, best), indent=1) + "\n")
+        write_table(out / BEST, json.dumps(point(told, best), indent=1) + "\n")
     return write_document(document, out)
-
-
-def _point(told: Told, best: Fit) -> dict[str, Any]:
-    """Return where the best reconstruction lies and what holds there, for ``reconstruction=best`` of a study."""
-    names = [factor.name for factor in told.factors]
-    return {
-        "seed": told.prior["seed"],
-        "search": told.search._asdict(),
-        "claims": [entry.name for entry in best.claims],
-        "holds": [entry.name for entry, holds in zip(best.claims, best.holds, strict=True) if holds],
-        "point": dict(zip(names, map(float, best.u), strict=False)),
-    }
-
-
-def _together(best: Fit, search: Search) -> str:
-    searched = f"a search of {search.evaluations} evaluations over {search.free} values finds"
-    found = searched if search.evaluations else "the sample has"
-    held, placebos, predicts = int(best.holds.sum()), best.placebos, int(best.predicts.sum())
-    beaten = int((placebos < held).sum())
-    worth = "the reconstruction fits the paper better than chance"
-    if beaten < len(placebos):
-        worth = (
-            f"as many hold in {len(placebos) - beaten} of these, so that it fits the paper hardly better than chance"
-        )
-    return (
-        f"In the best reconstruction that {found}, {held} of {len(best.claims)} printed numbers hold at once; of "
-        f"{len(placebos)} placebo tables, with the same numbers permuted, {placebos.min()} to {placebos.max()}: "
-        f"{worth}. "
-        f"Of those left out in turn, the reconstruction that meets the others best predicts {predicts}."
-    )
 
 
 def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
@@ -161,7 +142,7 @@ def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
         f"{counts['contradicted']} contradicted, failing in nearly every one; {counts['out of reach']} out of reach, "
         f"holding in none of {len(told.drawn.rows)}; {counts['not testable']} not testable, without a case or chaotic "
         f"in most; {counts['open']} open, depending on what the paper does not print.",
-        _together(told.best, told.search) if told.best else "No claim prints a number.",
+        together(told.best, told.search) if told.best else "No claim prints a number.",
         f"The missing values on which the verdicts of all claims together depend most: {most}."
         if most
         else "The verdicts depend on none of the missing values alone.",
@@ -249,34 +230,6 @@ def _other_priors(told: Told, shares: Sequence[Shares], out: Path) -> list[Block
     return [Heading("Under other priors"), Paragraph(text), Table("priors", columns, rows), *links]
 
 
-def _fitted(told: Told) -> list[Block]:
-    best = told.best
-    if best is None:
-        return []
-    columns = [
-        Column("claim", "id"),
-        Column("printed", "printed"),
-        Column("at best", "value"),
-        Column("holds", "holds"),
-        Column("predicted by the others", "predicted"),
-        Column("holds", "predicts"),
-    ]
-    words = {True: "yes", False: "no"}
-    rows = [
-        [entry.name, str(entry.claim.printed), value, words[bool(holds)], predicted, words[bool(predicts)]]
-        for entry, value, holds, predicted, predicts in zip(
-            best.claims, best.values, best.holds, best.predicted, best.predicts, strict=True
-        )
-    ]
-    text = (
-        "The printed numbers that do not follow from each other, in the reconstruction that meets most of them; and "
-        "each as the reconstruction has it that meets the others best, found in the same way. Here the median over "
-        f"up to {told.search.starts} starts within a millimetre must lie within the tolerance; whether these scatter "
-        "by more is told above."
-    )
-    return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
-
-
 def _deciding(shares: Sequence[Shares]) -> list[Block]:
     columns = [
         Column("claim", "id"),
@@ -321,50 +274,37 @@ def _enough(share: Estimate | None) -> Estimate | None:
 
 def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
     known, claims = {factor.name: factor for factor in told.factors}, {one.claim.name for one in shares}
-    choices = _choices(told)
+    choices, at_best = told.choices, at_best_of(told, told.best) if told.best else {}
     rows = []
     for name, bits in worth(shares, told.drawn):
         factor = known.get(name)
         ends = factor.bounds if factor else choices[name]
         is_range = factor is not None and not factor.choices
-        bounds = " to ".join(map(str, ends)) if is_range else _listed(ends, "off" if factor else "unset")
+        words = " to ".join(map(str, ends)) if is_range else listed(ends, "off" if factor else "unset")
+        bounds = words or f"{len(ends)} choices"
         asked = name.partition(".")[0]
         kind = factor.kind if factor else "a reading of the claim" if asked in claims else "ours"
-        rows.append([name, ", ".join(factor.things) if factor else asked, bounds, kind, bits])
+        rows.append([name, ", ".join(factor.things) if factor else asked, bounds, at_best.get(name), kind, bits])
     columns = [
         Column("value", "factor"),
         Column("of", "things"),
         Column("from", "range"),
+        Column("at best", "at_best"),
         Column("its source", "kind"),
         Column("bit, summed over the claims", "bits", decimals=3),
     ]
     text = (
         "What is drawn, and how much the verdicts of all claims depend on it; what does not exceed chance counts as "
-        "nothing. *A reading of the claim* is drawn with them: a threshold, or which of several measured rows it means."
+        "nothing. *A reading of the claim* is drawn with them: a threshold, or which of several measured rows it "
+        "means. *At best*: in the reconstruction that meets most printed numbers, where it moves one of these."
     )
     return [Heading("What the paper leaves open"), Paragraph(text), Table("factors", columns, rows)]
-
-
-def _choices(told: Told) -> dict[str, Sequence[Any]]:
-    """Return the choices of each value that has no range."""
-    choices: dict[str, Sequence[Any]] = {factor.name: factor.choices for factor in told.factors}
-    return choices | {choice["name"]: choice["values"] for choice in told.prior["choices"]}
-
-
-def _listed(choices: Sequence[Any], missing: str) -> str:
-    words = ", ".join(missing if choice is None else str(choice) for choice in choices)
-    return words if len(words) <= LISTED_MAX else f"{len(choices)} choices"
-
-
-def _admissible(told: Told) -> NDArray[np.bool_]:
-    """Return which reconstructions are admissible."""
-    return admissible_of(told.drawn, told.claims)
 
 
 def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
     rows, moved = told.drawn.rows, told.drawn.moved
     conditions = [entry for entry in told.claims if entry.kind == KIND]
-    admissible, apart = int(_admissible(told).sum()), sum(halves(told.drawn, one.claim) > 1.96 for one in shares)
+    admissible, apart = int(told.admissible.sum()), sum(halves(told.drawn, one.claim) > 1.96 for one in shares)
     episodes, steps = int(rows["episodes"].sum()), int(rows["steps"].sum())
     seconds = float(rows["seconds"].sum())
     scrambles = rows["scramble"].nunique()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navbench.analysis.claims import Entry
 from navbench.analysis.fitting import Fit
 from navbench.analysis.printed import quantity
 from navbench.analysis.shares import CONTRADICTED, ROBUST, Drawn, Shares
@@ -144,6 +145,16 @@ def _number(choice: Any) -> float | None:
         return None
 
 
+def central(drawn: Drawn, entry: Entry, admissible: NDArray[np.bool_]) -> tuple[float, float] | None:
+    """Return the ends of what the central 90 % of the admissible reconstructions measure; None where none does."""
+    values = drawn.rows[f"value:{entry.name}"].to_numpy(np.float64)[admissible]
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return None
+    low, high = np.quantile(values, [0.05, 0.95]).tolist()
+    return low, high
+
+
 def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mapping[str, float]) -> "Figure":
     """Return each printed number beside what is measured: its range over admissible reconstructions, here and at best.
 
@@ -159,13 +170,12 @@ def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mappin
     figure = Figure(figsize=(8.0, 1.3 + 0.24 * len(told)), layout="constrained")
     axes = figure.subplots()
     for y, (k, entry) in enumerate(told):
-        values = drawn.rows[f"value:{entry.name}"].to_numpy(np.float64)[admissible] / best.printed[k]
-        values = values[np.isfinite(values)]
+        band = central(drawn, entry, admissible)
         size, unit = quantity("within", entry.claim.within)
         width = size / 100.0 if unit == "%" else size / abs(best.printed[k])
         axes.barh(y, 2.0 * width, left=1.0 - width, height=0.8, color="#e3f1ea", zorder=0)
-        if len(values):
-            axes.plot(np.quantile(values, [0.05, 0.95]), [y, y], color="#888888", lw=2, solid_capstyle="butt")
+        if band is not None:
+            axes.plot(np.divide(band, best.printed[k]), [y, y], color="#888888", lw=2, solid_capstyle="butt")
         axes.plot(here.get(entry.name, math.nan) / best.printed[k], y, "o", color=PALETTE[1], ms=5)
         axes.plot(best.values[k] / best.printed[k], y, "D", color=PALETTE[0], ms=4)
     axes.axvline(1.0, color="#222222", lw=0.8)

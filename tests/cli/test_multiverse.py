@@ -114,6 +114,12 @@ def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor
     assert prior["factors"][0]["of"] == {"build.speed_mps": {"range": [LOW, HIGH]}}
     report = (folder / "results/tiny/multiverse/report.md").read_text()
     assert "| fast | it takes a second | out of reach | – | no | 0.000 [0.000, 0.028] | 0 of 128 |" in report
+    together: dict[Any, Any] = pd.read_csv(tables / "together.csv").set_index("id").to_dict("index")
+    (speed,) = pd.read_csv(tables / "factors.csv").query("factor == 'go_to_goal.speed_mps'")["at_best"].astype(float)
+    assert f"must be assumed, among others: `go_to_goal.speed_mps` {speed:.3g}" in report
+    assert together["time"]["value"] == pytest.approx(1.95 / speed, rel=0.02)
+    ends = [float(end) for end in together["time"]["admissible"].split(" to ")]
+    assert ends == pytest.approx([1.95 / (LOW + u * (HIGH - LOW)) for u in (0.95, 0.05)], rel=0.05)
     held, least, most, worth = re.findall(
         r"(\d) of 3 printed numbers hold at once; of 20 placebo tables, with .*?, (\d) to (\d): (.*?)\.", report
     )[0]
