@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,11 +21,13 @@ from navbench.report.document import RARE, Block, Column, Document, Heading, Lin
 from navbench.report.figures import save_figure
 from navbench.report.reports import write_document
 from navbench.report.shares import VERDICTS, chart, curves, numbers, read_shares
-from navbench.report.together import at_best_of, fitted, listed, point, together
+from navbench.report.specification import has_curve, specification
+from navbench.report.together import Worth, at_best_of, fitted, listed, point, together
 
 BEST = "best.json"
 SHARE = ["share", "share_low", "share_high", "share_n"]  # columns of a table of shares
-CURVES_MAX = 6  # claims of which the curve is drawn
+CURVES_MAX = 6  # claims of which the share is drawn over the value on which it depends most
+SORTED_MAX = 4  # claims of which the specification curve is drawn
 
 
 class Search(NamedTuple):
@@ -100,30 +103,37 @@ class Told(NamedTuple):
 def write_multiverse(told: Told, out: Path) -> list[Path]:
     """Write the report into a directory and return its files."""
     shares = shares_of(told.drawn, told.claims, told.multiverse, told.holds_at_best)
-    best = told.best
+    best, ranked = told.best, worth(shares, told.drawn)
     save_figure(chart(shares, told.here), out, "shares")
     plots = [Plot("shares", "In which share of the reconstructions each claim holds, with 95 % intervals")]
+    ends = {factor.name: factor.bounds for factor in told.factors if not factor.choices}
     if curved := _curved(shares):
-        ends = {factor.name: factor.bounds for factor in told.factors if not factor.choices}
-        save_figure(curves(told.drawn, curved, told.choices, ends), out, "curves")
+        save_figure(curves(told.drawn, curved[:CURVES_MAX], told.choices, ends), out, "curves")
         caption = (
             "The share in which a claim holds over the range, or at each choice, of the value on which it depends "
             "most; the dashed line is the share over all"
         )
         plots.append(Plot("curves", caption))
+    if sorted_ones := [one for one in curved if has_curve(told.drawn, one.claim.name)][:SORTED_MAX]:
+        save_figure(specification(told.drawn, sorted_ones, told.choices, ends, told.measured), out, "specification")
+        caption = (
+            "What the reconstructions measure for a claim, sorted, and below how often, from white to black, the "
+            "values that decide it lie where in their ranges"
+        )
+        plots.append(Plot("specification", caption))
     if best and any(best.printed):
         save_figure(numbers(told.drawn, best, told.admissible, told.measured), out, "numbers")
         plots.append(Plot("numbers", "The printed numbers that do not follow from each other, beside what is measured"))
     document = Document(
         f"{told.title}: in how many reconstructions its claims hold",
         [
-            *_first(told, shares),
+            *_first(told, shares, ranked),
             *plots,
             *_claims(told, shares),
             *_other_priors(told, shares, out),
-            *fitted(told, shares),
+            *fitted(told, ranked),
             *_deciding(shares),
-            *_factors(told, shares),
+            *_factors(told, shares, ranked),
             *_made(told, shares),
         ],
     )
@@ -132,10 +142,10 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     return write_document(document, out)
 
 
-def _first(told: Told, shares: Sequence[Shares]) -> list[Block]:
+def _first(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
     """Return what a reader wants first: three sentences."""
     counts = {word: sum(one.verdict == word for one in shares) for word in VERDICTS}
-    bits = [(name, value) for name, value in worth(shares, told.drawn)[:3] if value > 0.0]
+    bits = [(name, value) for name, value in ranked[:3] if value > 0.0]
     most = ", ".join(f"`{name}` ({value:.2f} bit)" for name, value in bits)
     lines = [
         f"{len(shares)} claims: {counts['robust']} robust, holding in nearly every reconstruction; "
@@ -272,11 +282,11 @@ def _enough(share: Estimate | None) -> Estimate | None:
     return Estimate(share.value, math.nan, math.nan, share.n)
 
 
-def _factors(told: Told, shares: Sequence[Shares]) -> list[Block]:
+def _factors(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
     known, claims = {factor.name: factor for factor in told.factors}, {one.claim.name for one in shares}
     choices, at_best = told.choices, at_best_of(told, told.best) if told.best else {}
     rows = []
-    for name, bits in worth(shares, told.drawn):
+    for name, bits in ranked:
         factor = known.get(name)
         ends = factor.bounds if factor else choices[name]
         is_range = factor is not None and not factor.choices
@@ -330,6 +340,9 @@ def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
 
 
 def _curved(shares: Sequence[Shares]) -> list[Shares]:
-    """Return the open claims of which a single value tells most."""
+    """Return the open claims of which a single value tells most; of each value first the one of which it does."""
     found = [one for one in shares if one.bits is not None and one.verdict == "open" and one.bits[1].p_value < 0.01]
-    return sorted(found, key=lambda one: -one.bits[1].value if one.bits else 0.0)[:CURVES_MAX]
+    of_value: dict[str, list[Shares]] = {}
+    for one in sorted(found, key=lambda one: -one.bits[1].value if one.bits else 0.0):
+        of_value.setdefault(one.bits[0] if one.bits else "", []).append(one)
+    return [one for row in zip_longest(*of_value.values()) for one in row if one is not None]

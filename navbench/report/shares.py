@@ -32,7 +32,7 @@ VERDICTS = {  # with their colours
     "not testable": "#999999",
 }
 SLICES = 8  # of a value's range, over which a share is told
-NAMED_MAX = 6  # characters of a choice that is named; longer ones are numbered in their order
+NAMED_MAX = 24  # characters of all choices together if they are named; longer ones are numbered in their order
 
 
 def read_shares(folder: Path) -> "pd.DataFrame":
@@ -115,8 +115,7 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
     count = len(choices) or SLICES
     places = np.minimum((drawn.u[:, list(drawn.names).index(name)] * count).astype(int), count - 1)
     holds = drawn.holds(one.claim).ravel()
-    known = [number for number in map(_number, choices) if number is not None]
-    order = np.argsort(known, kind="stable") if choices and len(known) == count else range(count)
+    order = sorted_choices(choices) if choices else range(count)
     slices = [holds[places == k] for k in order]
     found = [clopper_pearson(int(held.sum()), held.size) for held in slices]
     x = (np.arange(count) + 0.5) / count
@@ -130,11 +129,18 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
     axes.tick_params(labelsize=7)
     if choices:
         words = [str(choices[k]) for k in order]
-        is_short = max(map(len, words)) <= NAMED_MAX
+        is_short = sum(map(len, words)) <= NAMED_MAX
         axes.set_xticks(x, words if is_short else [str(k + 1) for k in range(count)])
     if len(ends) == 2:
         axes.set_xticks([0.0, 1.0], [f"{end:g}" for end in ends])
     axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'over its range'}", fontsize=7)
+
+
+def sorted_choices(choices: Sequence[Any]) -> list[int]:
+    """Return the places of choices in the order of their numbers; as they stand where some are none."""
+    known = [number for number in map(_number, choices) if number is not None]
+    places = range(len(choices))
+    return sorted(places, key=known.__getitem__) if len(known) == len(choices) else list(places)
 
 
 def _number(choice: Any) -> float | None:

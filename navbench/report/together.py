@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fitting import Fit
-from navbench.analysis.shares import Shares, worth
 from navbench.report.document import Block, Column, Heading, Paragraph, Table
 from navbench.report.shares import central
 
 if TYPE_CHECKING:
     from navbench.report.multiverse import Search, Told
 
+Worth = Sequence[tuple[str, float]]  # dimensions with their bits, as ``worth`` tells them
 ASSUMED_MAX = 6  # values of the best reconstruction that its sentence names
 LISTED_MAX = 40  # characters of choices that a table lists; of longer ones it gives the number
 
@@ -46,7 +46,7 @@ def together(best: Fit, search: "Search") -> str:
     )
 
 
-def fitted(told: "Told", shares: Sequence[Shares]) -> list[Block]:
+def fitted(told: "Told", ranked: Worth) -> list[Block]:
     """Return each printed number beside what is measured, and what must be assumed for the best of them."""
     best = told.best
     if best is None:
@@ -75,15 +75,15 @@ def fitted(told: "Told", shares: Sequence[Shares]) -> list[Block]:
         "90 % of the admissible reconstructions, in the one that meets most of them; and "
         "each as the reconstruction has it that meets the others best, found in the same way. At best the median over "
         f"up to {told.search.starts} starts within a millimetre must lie within the tolerance; whether these scatter "
-        f"by more is told above. {_assumed(told, best, shares)}"
+        f"by more is told above. {_assumed(told, best, ranked)}"
     )
     return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
 
 
-def _assumed(told: "Told", best: Fit, shares: Sequence[Shares]) -> str:
+def _assumed(told: "Told", best: Fit, ranked: Worth) -> str:
     """Return what must be assumed for the best reconstruction, by the values on which the verdicts depend most."""
     values = at_best_of(told, best)
-    names = [name for name, _ in worth(shares, told.drawn) if name in values][:ASSUMED_MAX]
+    names = [name for name, _ in ranked if name in values][:ASSUMED_MAX]
     return (
         f"For the one that meets most must be assumed, among others: {', '.join(f'`{n}` {values[n]}' for n in names)}; "
         "its other values stand under *What the paper leaves open*."

@@ -11,6 +11,7 @@ from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN, Drawn, halves, shares_of, undecided, worth
 from navbench.report.shares import curves
+from navbench.report.specification import has_curve, specification
 
 SCRAMBLES, EACH = 4, 250
 N = SCRAMBLES * EACH
@@ -172,6 +173,34 @@ def test_a_curve_joins_the_parts_of_a_range_and_tells_choices_apart() -> None:
         numbered = curves(sample, [one], {"first": numbers}, {}).axes[0]
         assert [label.get_text() for label in numbered.get_xticklabels()] == [str(numbers[1]), str(numbers[0])]
         assert np.asarray(numbered.lines[0].get_ydata()).tolist() == [0.0, 1.0]
+
+
+def test_a_specification_curve_is_what_was_measured_in_order_over_the_values_that_decide_it() -> None:
+    u = np.random.default_rng(0).random((N, 2))
+    values = np.where(u[:, 1] < 0.02, np.nan, 20.0 * u[:, 0])  # few have no case
+    sample = drawn({"a": np.where(abs(values - 10.0) <= 1.0, HOLDS, FAILS)}, {"a": values, "few": np.arange(N) % 9}, u)
+    assert (has_curve(sample, "a"), has_curve(sample, "few")) == (True, False)
+    (one,) = shares_of(sample, [number("a")], NOTHING)
+    figure = specification(sample, [one], {"second": (5, 1)}, {"first": (0.0, 3.0)}, {"a": 12.5})
+    top, decides, other = figure.subfigs[0].axes
+    holds, fails = (np.asarray(line.get_ydata(), dtype=float) for line in top.lines[:2])
+    x = np.asarray(top.lines[0].get_xdata(), dtype=float)
+    clear = np.abs(np.abs(holds - 10.0) - 1.0) > 0.1  # not at an end of where it holds
+    np.testing.assert_array_equal(np.isnan(x)[clear], np.abs(holds - 10.0)[clear] > 1.0)
+    assert (np.diff(holds) >= 0.0).all()
+    np.testing.assert_array_equal(holds, fails)
+    x = np.where(np.isnan(x), np.asarray(top.lines[1].get_xdata(), dtype=float), x)
+    np.testing.assert_allclose(holds, np.quantile(values[np.isfinite(values)], x), atol=0.1)
+    assert [float(np.asarray(line.get_ydata())[0]) for line in top.lines[2:4]] == [10.0, 12.5]
+    assert top.get_ylabel() == "s"
+    (found, even) = (np.asarray(axes.images[0].get_array()) for axes in (decides, other))
+    assert np.abs(found.argmax(axis=0) - np.arange(64) // 8).max() <= 1  # the larger, the further right
+    np.testing.assert_allclose(found.sum(axis=0), 1.0)
+    assert even.shape == (2, 64)
+    assert even[1].mean() == pytest.approx(np.mean(u[np.isfinite(values), 1] < 0.5), abs=0.01)  # 5, on top
+    assert [label.get_text() for label in other.get_yticklabels()] == ["1", "5"]
+    assert (decides.get_title(loc="left"), other.get_title(loc="left")) == ("first", "second")
+    assert other.get_xlabel() == f"reconstructions with a case, sorted ({np.isfinite(values).sum()} of {N})"
 
 
 def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:

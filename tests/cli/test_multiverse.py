@@ -114,6 +114,8 @@ def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor
     assert prior["factors"][0]["of"] == {"build.speed_mps": {"range": [LOW, HIGH]}}
     report = (folder / "results/tiny/multiverse/report.md").read_text()
     assert "| fast | it takes a second | out of reach | – | no | 0.000 [0.000, 0.028] | 0 of 128 |" in report
+    drawn = {file.stem for file in (tables.parent / "figures").iterdir()}
+    assert drawn == {"shares", "curves", "specification", "numbers"}
     together: dict[Any, Any] = pd.read_csv(tables / "together.csv").set_index("id").to_dict("index")
     (speed,) = pd.read_csv(tables / "factors.csv").query("factor == 'go_to_goal.speed_mps'")["at_best"].astype(float)
     assert f"must be assumed, among others: `go_to_goal.speed_mps` {speed:.3g}" in report
