@@ -72,6 +72,8 @@ def share_ordered(
 ) -> Estimate | None:
     """Return the share of worlds and tuning seeds in which a metric falls from each label to the next.
 
+    Seeds with which every label has a case that it also had with another one are one, see ``cases_of``.
+
     Args:
         stored: the study's results.
         metric: the metric's name.
@@ -80,9 +82,10 @@ def share_ordered(
         equal_within: a step by at most this share of the greater value is none: 0.01 or ``1 %``.
     """
     rows = reached(stored.select(**select))
-    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=metric)
-    table = table.reindex(columns=list(labels)).dropna()
-    values = table.to_numpy()
+    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=[metric, "case"], aggfunc="first")
+    table = table.reindex(columns=[(name, label) for name in (metric, "case") for label in labels]).dropna()
+    apart = ~table["case"].assign(world=table.index.get_level_values("world")).duplicated()
+    values = table.loc[apart, metric].to_numpy(np.float64)
     kept = 1.0 - fraction("equal_within", equal_within)
     return share_of(np.all(kept * values[:, :-1] > values[:, 1:], axis=1))
 

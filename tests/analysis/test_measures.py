@@ -80,10 +80,10 @@ def test_as_good_allows_the_margin_and_demands_arrival_where_the_other_arrives(t
     assert (found.value, found.n) == (0.5, 4)
 
 
-def test_an_order_must_hold_strictly_from_label_to_label(tmp_path: Path) -> None:
-    times = {"A": (30.0, 30.0, 10.0), "B": (20.0, 20.0, 20.0), "C": (10.0, 20.0, 30.0)}
+def test_an_order_must_hold_strictly_from_label_to_label_and_seeds_that_find_the_same_are_one(tmp_path: Path) -> None:
+    times = {"A": (30.0, 30.0, 10.0, 30.0), "B": (20.0, 20.0, 20.0, 20.0), "C": (10.0, 20.0, 30.0, 10.0)}
     cells = [
-        (a_cell(label, tuning=label, seed=seed), [a_record(time_s=time_s)])
+        (a_cell(label, tuning=label, seed=seed, kp=1.0 + seed % 3), [a_record(time_s=time_s)])
         for label, all_s in times.items()
         for seed, time_s in enumerate(all_s)
     ]
