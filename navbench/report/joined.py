@@ -18,7 +18,7 @@ from navbench.report.document import Block, Column, Document, Heading, Lines, Li
 from navbench.report.figures import save_figure
 from navbench.report.markdown import render
 from navbench.report.shares import VERDICTS as SHARE_VERDICTS
-from navbench.report.shares import read_shares, strips
+from navbench.report.shares import read_shares, read_told, strips
 from navbench.validation import DescriptionError
 
 if TYPE_CHECKING:
@@ -71,6 +71,8 @@ class Found(NamedTuple):
         errata: what its paper prints wrong or leaves open: where, printed, here.
         claims: its table of what its paper claims, with the columns of ``claims.csv``; no rows where it has none.
         shares: in which share of the reconstructions each holds; no rows where there is no multiverse.
+        together: whether each printed number holds where most of them do; no rows without any.
+        factors: what the paper leaves open, the most telling first, with its bits; no rows without a multiverse.
         planar: as ``claims``, with every cell in the planar simulator; no rows where it was not run so.
     """
 
@@ -81,6 +83,8 @@ class Found(NamedTuple):
     errata: Sequence[Mapping[str, str]]
     claims: "pd.DataFrame"
     shares: "pd.DataFrame"
+    together: "pd.DataFrame"
+    factors: "pd.DataFrame"
     planar: "pd.DataFrame"
 
 
@@ -136,6 +140,8 @@ def read_study(path: Path) -> Found:
             told["errata"],
             read_claims(path / "claims.csv").query("kind == 'claim'"),
             read_shares(path / MULTIVERSE),
+            read_told(path / MULTIVERSE, "together", ("id", "holds")),
+            read_told(path / MULTIVERSE, "factors", ("factor",), "bits"),
             read_claims(path / PLANAR / "claims.csv").query("kind == 'claim'"),
         )
     except (ValueError, KeyError, TypeError) as error:
@@ -209,20 +215,33 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
     if not asked:
         return []
     save_figure(strips({study.name: study.shares for study in asked}), folder, "shares")
-    rows = [
-        [study.name, *(str(int((study.shares["verdict"] == word).sum())) for word in SHARE_VERDICTS)] for study in asked
-    ]
+    rows = [[study.name, *_counts(study)] for study in asked]
     links = [Link(f"{study.title}: its multiverse", f"{study.name}/{MULTIVERSE}/report.md") for study in asked]
     text = (
         "The claims again, as far as reconstructions can be asked, with a few questions of our own that they can "
         "answer, in many reconstructions of what a paper leaves open: *robust* claims hold in 95 % of them or more, "
         "*contradicted* ones fail in 95 % or more, those *out of reach* hold in none that was drawn; *not testable* "
         "ones have no case or are chaotic in most; *open* ones depend on what is not printed, and the reports say on "
-        "what."
+        "what. *Hold here*: in the study's own results; *at best*: in the reconstruction in which most printed numbers "
+        "hold at once, which is fitted to them."
     )
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
-    table = _table(["study", *SHARE_VERDICTS], rows)
+    worth = "the missing value worth most"
+    table = _table(["study", "hold here", "at best", "printed numbers at best", *SHARE_VERDICTS, worth], rows)
     return [Heading("In how many reconstructions they hold"), Paragraph(text), Plot("shares", caption), table, *links]
+
+
+def _counts(study: Found) -> list[str]:
+    """Return how many claims hold where, how many have which verdict, and the missing value worth most."""
+    shares, factors = study.shares.reindex(columns=["verdict", "here", "at_best"], fill_value=""), study.factors
+    told = len(study.together)
+    return [
+        str(int(shares["here"].isin(["reproduced", "supported"]).sum())),
+        str(int((shares["at_best"] == "yes").sum())) if told else "–",
+        f"{int((study.together['holds'] == 'yes').sum())} of {told}" if told else "none printed",
+        *(str(int((shares["verdict"] == word).sum())) for word in SHARE_VERDICTS),
+        f"`{factors['factor'].iloc[0]}`, {factors['bits'].iloc[0]:.2f} bit" if len(factors) else "–",
+    ]
 
 
 def _in_planar(studies: Sequence[Found]) -> list[Block]:

@@ -37,16 +37,30 @@ NAMED_MAX = 24  # characters of all choices together if they are named; longer o
 
 def read_shares(folder: Path) -> "pd.DataFrame":
     """Return in which share of its multiverse's reconstructions each claim of a study holds; no rows without one."""
+    table = read_told(folder, "shares", ("id", "verdict"), "share")
+    if wrong := set(table["verdict"]).difference(VERDICTS):
+        raise DescriptionError(f"{folder / 'tables/shares.csv'}: verdict={wrong.pop()}; allowed: {', '.join(VERDICTS)}")
+    return table
+
+
+def read_told(folder: Path, name: str, words: Sequence[str], number: str = "") -> "pd.DataFrame":
+    """Return a table of a report on a multiverse; no rows without one.
+
+    Args:
+        folder: of the report.
+        name: of the table.
+        words: columns that it must have.
+        number: one more, which must be of numbers.
+    """
     import pandas as pd
 
-    file = folder / "tables" / "shares.csv"
+    file, columns = folder / "tables" / f"{name}.csv", [*words, *([number] if number else [])]
     if not file.is_file():
-        return pd.DataFrame(columns=["id", "verdict", "share"])
+        return pd.DataFrame(columns=columns)
     table = pd.read_csv(io.BytesIO(bounded(file, LONGEST)))
-    if not {"id", "verdict", "share"} <= set(table) or len(table) and table["share"].dtype.kind not in "fi":
-        raise DescriptionError(f"{file}: must have columns id and verdict of words and share of numbers")
-    if wrong := set(table["verdict"]).difference(VERDICTS):
-        raise DescriptionError(f"{file}: verdict={wrong.pop()}; allowed: {', '.join(VERDICTS)}")
+    if not set(columns) <= set(table) or number and len(table) and table[number].dtype.kind not in "fi":
+        of_numbers = f" of words and {number} of numbers" if number else ""
+        raise DescriptionError(f"{file}: must have columns {' and '.join(words)}{of_numbers}")
     return table
 
 

@@ -147,6 +147,25 @@ def test_the_command_writes_the_page_without_pybullet_and_the_same_bytes(joined:
     assert (joined / "README.md").read_bytes() == first
 
 
+def test_what_the_multiverses_say_stands_in_one_table(joined: Path) -> None:
+    tables = {
+        "shares": "id,verdict,here,at_best,share\na,robust,reproduced,yes,1.0\nb,open,not reproduced,yes,0.5\n"
+        "c,open,supported,no,0.4\nd,out of reach,partly,no,0.0\n",
+        "together": "id,printed,holds\na,1 s,yes\nb,2 s,no\nc,3 s,yes\n",
+        "factors": "factor,bits\nsflc.speed,1.234\nsflc.turn,0.5\n",
+    }
+    for study, names in (("one1999", tables), ("two2001", ["shares"])):
+        (joined / study / "multiverse/tables").mkdir(parents=True)
+        for name in names:
+            (joined / study / f"multiverse/tables/{name}.csv").write_text(tables[name])
+    _, one, two = rows_of(write_joined(joined).read_text(), "In how many reconstructions they hold")
+    assert one == ["one1999", "2", "2", "2 of 3", "1", "2", "0", "1", "0", "`sflc.speed`, 1.23 bit"]
+    assert two == ["two2001", "2", "–", "none printed", "1", "2", "0", "1", "0", "–"]
+    (joined / "one1999/multiverse/tables/factors.csv").write_text("factor,bits\nsflc.speed,many\n")
+    with pytest.raises(DescriptionError, match=r"factors\.csv: must have columns factor of words and bits of numbers"):
+        write_joined(joined)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
