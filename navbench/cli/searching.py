@@ -7,7 +7,7 @@ same sample, with as many evaluations. Each is judged on the medians over more s
 from collections.abc import Callable
 from dataclasses import replace
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,10 +119,11 @@ class Searches:
     def _generation(self, number: int, generation: int, u: FloatArray) -> FloatArray:
         """Return (k, claims) what is measured of a generation, which is kept, or was before."""
         name = f"searched-{number:02d}-{generation:03d}"
+        places, asked = [f"u:{i}" for i in range(u.shape[1])], [f"value:{entry.name}" for entry in self.claims]
         if self._samples.has(name):
             kept = self._samples.part(name)
-            values = kept[[f"value:{entry.name}" for entry in self.claims]].to_numpy()
-            if np.array_equal(kept[[f"u:{i}" for i in range(u.shape[1])]].to_numpy(), u):
+            if {*places, *asked} <= set(kept) and np.array_equal(kept[places].to_numpy(), u):
+                values = kept[asked].to_numpy()
                 self._known.update(zip(map(np.ndarray.tobytes, u), values, strict=True))
                 return self._tell(values)
         new = np.array([row for row in u if row.tobytes() not in self._known]).reshape(-1, u.shape[1])
@@ -131,13 +132,8 @@ class Searches:
         for block, found in zip(blocks, done, strict=True):
             self._known.update(zip(map(np.ndarray.tobytes, block.u), found, strict=True))
         values = np.array([self._known[row.tobytes()] for row in u])
-        self._samples.write(name, self._columns(u, values))
+        self._samples.write(name, dict(zip([*places, *asked], [*u.T, *values.T], strict=True)))
         return self._tell(values)
-
-    def _columns(self, u: FloatArray, values: FloatArray) -> dict[str, Any]:
-        return {f"u:{i}": u[:, i] for i in range(u.shape[1])} | {
-            f"value:{entry.name}": values[:, k] for k, entry in enumerate(self.claims)
-        }
 
     def _tell(self, values: FloatArray) -> FloatArray:
         self._done += len(values)

@@ -380,6 +380,16 @@ def test_a_search_finds_what_the_sample_misses_and_goes_on_where_it_was_stopped(
     assert best()[2] == parts
 
 
+def test_a_search_for_other_numbers_is_made_anew(command: Command, there: Path, folder: Path) -> None:
+    file, best = folder / "conf/study/tiny.yaml", folder / "results/tiny/multiverse/best.json"
+    whole = file.read_text()
+    for together, claims in (("  together: [time]\n", ["time"]), ("", ["time", "time-set", "fast"])):
+        file.write_text(whole.replace("  implied:", f"{together}  implied:"))
+        done = command(*WORDS)
+        assert done.code == 0, done.err
+        assert json.loads(best.read_text())["claims"] == claims
+
+
 def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command: Command, folder: Path) -> None:
     words = ("multiverse", "tiny", "--config-dir", "conf")
     assert command(*words, "n=256", "decide=0", "search=0", "workers=1", "out=once").code == 0
