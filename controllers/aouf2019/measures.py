@@ -72,7 +72,7 @@ def share_ordered(
 ) -> Estimate | None:
     """Return the share of worlds and tuning seeds in which a metric falls from each label to the next.
 
-    Seeds with which every label has a case that it also had with another one are one, see ``cases_of``.
+    Two seeds with which every label has the same case are one, see ``cases_of``.
 
     Args:
         stored: the study's results.
@@ -81,11 +81,10 @@ def share_ordered(
         select: which cells.
         equal_within: a step by at most this share of the greater value is none: 0.01 or ``1 %``.
     """
-    rows = reached(stored.select(**select))
-    table = rows.pivot_table(index=["world", "tuning_seed"], columns="label", values=[metric, "case"], aggfunc="first")
-    table = table.reindex(columns=[(name, label) for name in (metric, "case") for label in labels]).dropna()
-    apart = ~table["case"].assign(world=table.index.get_level_values("world")).duplicated()
-    values = table.loc[apart, metric].to_numpy(np.float64)
+    runs = reached(stored.select(**select)).groupby(["world", "tuning_seed", "label"])
+    table = runs[metric].mean().unstack().reindex(columns=list(labels)).dropna()
+    cases = runs["case"].first().unstack().reindex(index=table.index, columns=list(labels)).reset_index("world")
+    values = table[~cases.duplicated().to_numpy()].to_numpy()
     kept = 1.0 - fraction("equal_within", equal_within)
     return share_of(np.all(kept * values[:, :-1] > values[:, 1:], axis=1))
 

@@ -38,21 +38,26 @@ class Factor:
     @property
     def kind(self) -> str:
         """Of which kind its first source is: fitted, selected or assumed."""
-        return next(iter(self.members.values())).kind
+        return self.source.kind
+
+    @property
+    def source(self) -> Source:
+        """The source of its first value."""
+        return next(iter(self.members.values()))
 
     @property
     def bounds(self) -> tuple[Any, ...]:
         """The ends of its first range, or its first choices."""
-        return self.choices or next(iter(self.members.values())).range or ()
+        return self.choices or self.source.range or ()
 
     @property
     def choices(self) -> tuple[Any, ...]:
         """Its first value's choices; none of a range."""
-        return _choices(next(iter(self.members.values())))
+        return _choices(self.source)
 
     def at(self, u: float) -> float:
         """Return where in its first range it is at u in [0, 1]; of a factor without choices."""
-        return _within(next(iter(self.members.values())), u)
+        return _within(self.source, u)
 
 
 def factors_of(cells: Iterable[CellKey]) -> list[Factor]:

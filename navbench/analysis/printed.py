@@ -34,6 +34,15 @@ def limits(key: str, value: Any) -> tuple[float, float]:
     return float(number) - half, float(number) + half
 
 
+def tolerated(printed: Any, within: Any) -> tuple[float, float]:
+    """Return between what a measured number agrees with a printed one: beyond its limits by its tolerance at most."""
+    number, _ = quantity("printed", printed)
+    size, unit = quantity("within", within)
+    width = size / 100.0 * abs(number) if unit == "%" else size
+    low, high = limits("printed", printed)
+    return low - width, high + width
+
+
 def band(low: float | str, high: float | str) -> tuple[float, float]:
     """Return a band's ends: a number as it is; one in quotes as printed, so "0.30" to "0.35" is 0.295 to 0.355."""
     return (

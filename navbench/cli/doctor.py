@@ -166,9 +166,10 @@ def _cache() -> Line:
 
 def _size(folder: Path) -> int:
     size = 0
-    for file in folder.rglob("*"):
-        with suppress(FileNotFoundError):  # another run has removed it meanwhile
-            size += file.lstat().st_size
+    for at, _, names in os.walk(folder):
+        for name in names:
+            with suppress(FileNotFoundError):  # another run has removed it meanwhile
+                size += os.lstat(os.path.join(at, name)).st_size
     return size
 
 

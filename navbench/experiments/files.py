@@ -80,7 +80,6 @@ def locked(folder: Path) -> Iterator[None]:
     Raises:
         DescriptionError: another run holds it; the message says which one, where and since when.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     with _held(folder / LOCK) as file:
         try:
             file.truncate(0)
@@ -157,7 +156,12 @@ def _seal(name: str, data: bytes, place: int) -> bytes:
 def _held(path: Path) -> Iterator[IO[str]]:
     """Give a locked file; one that its holder removed meanwhile is not the one that the next run finds there."""
     while True:
-        with _opened(path) as file:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            opened = _opened(path)
+        except FileNotFoundError:  # the directory went meanwhile
+            continue
+        with opened as file:
             try:
                 _lock(file)
             except (BlockingIOError, PermissionError):

@@ -222,8 +222,8 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
         "answer, in many reconstructions of what a paper leaves open: *robust* claims hold in 95 % of them or more, "
         "*contradicted* ones fail in 95 % or more, those *out of reach* hold in none that was drawn; *not testable* "
         "ones have no case or are chaotic in most; *open* ones depend on what is not printed, and the reports say on "
-        "what. *Hold here*: in the study's own results; *at best*: in the reconstruction in which most printed numbers "
-        "hold at once, which is fitted to them."
+        "what. *Hold here*: reproduced or supported in the study's own results, where those not testable do not count; "
+        "*at best*: as reconstructions count, in the one that meets most printed numbers, to which it is fitted."
     )
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
     worth = "the missing value worth most"
@@ -240,7 +240,7 @@ def _counts(study: Found) -> list[str]:
         str(int((shares["at_best"] == "yes").sum())) if told else "–",
         f"{int((study.together['holds'] == 'yes').sum())} of {told}" if told else "none printed",
         *(str(int((shares["verdict"] == word).sum())) for word in SHARE_VERDICTS),
-        f"`{factors['factor'].iloc[0]}`, {factors['bits'].iloc[0]:.2f} bit" if len(factors) else "–",
+        f"`{factors['factor'].iloc[0]}`, {factors['bits'].iloc[0]:.2f} bit" if factors["bits"].gt(0.0).any() else "–",
     ]
 
 

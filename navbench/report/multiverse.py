@@ -290,7 +290,7 @@ def _factors(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]
         factor = known.get(name)
         ends = factor.bounds if factor else choices[name]
         is_range = factor is not None and not factor.choices
-        words = " to ".join(map(str, ends)) if is_range else listed(ends, "off" if factor else "unset")
+        words = " to ".join(map(str, ends)) if is_range else listed(ends)
         bounds = words or f"{len(ends)} choices"
         asked = name.partition(".")[0]
         kind = factor.kind if factor else "a reading of the claim" if asked in claims else "ours"
@@ -306,7 +306,8 @@ def _factors(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]
     text = (
         "What is drawn, and how much the verdicts of all claims depend on it; what does not exceed chance counts as "
         "nothing. *A reading of the claim* is drawn with them: a threshold, or which of several measured rows it "
-        "means. *At best*: in the reconstruction that meets most printed numbers, where it moves one of these."
+        "means. *At best*: in the reconstruction that meets most printed numbers; of a group the first value, of a "
+        "vector what multiplies it or is added to it, and a long choice by its number in the prior."
     )
     return [Heading("What the paper leaves open"), Paragraph(text), Table("factors", columns, rows)]
 
@@ -340,9 +341,10 @@ def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
 
 
 def _curved(shares: Sequence[Shares]) -> list[Shares]:
-    """Return the open claims of which a single value tells most; of each value first the one of which it does."""
-    found = [one for one in shares if one.bits is not None and one.verdict == "open" and one.bits[1].p_value < 0.01]
+    """Return the open claims that depend on some value: for each value the one that does most, then a second each."""
+    found = [(one.bits, one) for one in shares if one.bits is not None and one.verdict == "open"]
     of_value: dict[str, list[Shares]] = {}
-    for one in sorted(found, key=lambda one: -one.bits[1].value if one.bits else 0.0):
-        of_value.setdefault(one.bits[0] if one.bits else "", []).append(one)
+    for (name, null), one in sorted(found, key=lambda pair: -pair[0][1].value):
+        if null.p_value < 0.01:
+            of_value.setdefault(name, []).append(one)
     return [one for row in zip_longest(*of_value.values()) for one in row if one is not None]

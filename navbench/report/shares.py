@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from navbench.analysis.claims import Entry
 from navbench.analysis.fitting import Fit
-from navbench.analysis.printed import quantity
-from navbench.analysis.shares import CONTRADICTED, ROBUST, Drawn, Shares
+from navbench.analysis.printed import tolerated
+from navbench.analysis.shares import CASES_MIN, CONTRADICTED, ROBUST, Drawn, Shares
 from navbench.experiments.schema import LONGEST
-from navbench.mathematics.statistics import clopper_pearson
+from navbench.mathematics.statistics import Estimate, clopper_pearson
 from navbench.reading import bounded
 from navbench.report.figures import PALETTE
 from navbench.validation import DescriptionError
@@ -142,12 +142,17 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
     axes.title.set_fontsize(8)
     axes.tick_params(labelsize=7)
     if choices:
-        words = [str(choices[k]) for k in order]
+        words = [word_of(choices[k]) for k in order]
         is_short = sum(map(len, words)) <= NAMED_MAX
         axes.set_xticks(x, words if is_short else [str(k + 1) for k in range(count)])
     if len(ends) == 2:
         axes.set_xticks([0.0, 1.0], [f"{end:g}" for end in ends])
     axes.set_xlabel(f"{name}, {f'{count} choices' if choices else 'over its range'}", fontsize=7)
+
+
+def word_of(choice: Any) -> str:
+    """Return a choice as it is written in tables and figures; the missing one is "none"."""
+    return "none" if choice is None else str(choice)
 
 
 def sorted_choices(choices: Sequence[Any]) -> list[int]:
@@ -165,14 +170,14 @@ def _number(choice: Any) -> float | None:
         return None
 
 
-def central(drawn: Drawn, entry: Entry, admissible: NDArray[np.bool_]) -> tuple[float, float] | None:
-    """Return the ends of what the central 90 % of the admissible reconstructions measure; None where none does."""
+def central(drawn: Drawn, entry: Entry, admissible: NDArray[np.bool_]) -> Estimate | None:
+    """Return the median and the ends of the central 90 % of what admissible reconstructions measure; None of few."""
     values = drawn.rows[f"value:{entry.name}"].to_numpy(np.float64)[admissible]
     values = values[np.isfinite(values)]
-    if not len(values):
+    if len(values) < CASES_MIN:
         return None
-    low, high = np.quantile(values, [0.05, 0.95]).tolist()
-    return low, high
+    low, median, high = np.quantile(values, [0.05, 0.5, 0.95]).tolist()
+    return Estimate(median, low, high, len(values))
 
 
 def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mapping[str, float]) -> "Figure":
@@ -191,11 +196,11 @@ def numbers(drawn: Drawn, best: Fit, admissible: NDArray[np.bool_], here: Mappin
     axes = figure.subplots()
     for y, (k, entry) in enumerate(told):
         band = central(drawn, entry, admissible)
-        size, unit = quantity("within", entry.claim.within)
-        width = size / 100.0 if unit == "%" else size / abs(best.printed[k])
-        axes.barh(y, 2.0 * width, left=1.0 - width, height=0.8, color="#e3f1ea", zorder=0)
+        ends = np.divide(tolerated(entry.claim.printed, entry.claim.within), best.printed[k])
+        axes.barh(y, np.ptp(ends), left=min(ends), height=0.8, color="#e3f1ea", zorder=0)
         if band is not None:
-            axes.plot(np.divide(band, best.printed[k]), [y, y], color="#888888", lw=2, solid_capstyle="butt")
+            ends = np.divide([band.low, band.high], best.printed[k])
+            axes.plot(ends, [y, y], color="#888888", lw=2, solid_capstyle="butt")
         axes.plot(here.get(entry.name, math.nan) / best.printed[k], y, "o", color=PALETTE[1], ms=5)
         axes.plot(best.values[k] / best.printed[k], y, "D", color=PALETTE[0], ms=4)
     axes.axvline(1.0, color="#222222", lw=0.8)

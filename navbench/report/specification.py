@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navbench.analysis.printed import limits, quantity
+from navbench.analysis.printed import quantity, tolerated
 from navbench.analysis.shares import Drawn, Shares
 from navbench.report.figures import PALETTE
-from navbench.report.shares import sorted_choices
+from navbench.report.shares import sorted_choices, word_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,7 @@ FACTORS_MAX = 3  # under a curve
 POINTS = 256  # of a curve, each the median of its slice of the sorted reconstructions
 COLUMNS, ROWS = 64, 8  # of the map of a value: slices of the sorted reconstructions, and of its range
 VALUES_MIN = 16  # different ones that make a curve
+SHADED = 3.0  # times as often as by chance: black
 WORD_MAX = 9  # characters of a choice that is written beside its row
 
 FloatArray = NDArray[np.float64]
@@ -49,19 +50,20 @@ def specification(
     columns = min(2, len(shares))
     rows = math.ceil(len(shares) / columns)
     figure = Figure(figsize=(4.6 * columns, 4.2 * rows), layout="constrained")
-    parts = np.atleast_1d(figure.subfigures(rows, columns, squeeze=False)).ravel()
+    parts = figure.subfigures(rows, columns, squeeze=False).ravel()
     for part, one in zip(parts, shares, strict=False):
         names = _deciding(one)
         grid = part.subplots(1 + len(names), 1, sharex=True, height_ratios=[2.4, *[1.0] * len(names)], squeeze=False)
         (top, *strips) = grid[:, 0]
         values = drawn.rows[f"value:{one.claim.name}"].to_numpy(np.float64)
-        order = np.argsort(values, kind="stable")[: int(np.isfinite(values).sum())]
+        known = np.flatnonzero(np.isfinite(values))
+        order = known[np.argsort(values[known], kind="stable")]
         _curve(top, one, values[order], drawn.holds(one.claim).ravel()[order], here.get(one.claim.name, math.nan))
         for axes, name in zip(strips, names, strict=True):
             _map(axes, drawn.u[order, list(drawn.names).index(name)], name, choices.get(name, ()), ends.get(name, ()))
         strips[-1].set_xlabel(f"reconstructions with a case, sorted ({len(order)} of {len(values)})", fontsize=7)
-    handles, words = parts[0].axes[0].get_legend_handles_labels()
-    figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=7, frameon=False)
+    lines = {line.get_label(): line for part in parts for line in part.axes[0].lines if line.get_label()[0] != "_"}
+    figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=4, fontsize=7, frameon=False)
     return figure
 
 
@@ -79,32 +81,32 @@ def _curve(axes: "Axes", one: Shares, values: FloatArray, holds: NDArray[np.bool
     x = np.array([of.mean() for of in slices]) / max(len(values) - 1, 1)
     y = np.array([np.median(values[of]) for of in slices])
     most = np.array([holds[of].mean() > 0.5 for of in slices])
-    for is_so, colour, word in ((True, PALETTE[2], "it holds in most there"), (False, "#888888", "in fewer")):
+    words = {True: (PALETTE[2], "it holds in most of these"), False: ("#888888", "in half or fewer")}
+    for is_so, (colour, word) in words.items():
         axes.plot(np.where(most == is_so, x, np.nan), y, ".", color=colour, ms=3, label=word)
     if claim.printed is not None:
-        number, of = quantity("printed", claim.printed)
-        axes.set_ylabel(of, fontsize=7)
-        size, unit = quantity("within", claim.within)
-        width = size / 100.0 * abs(number) if unit == "%" else size
-        low, high = limits("printed", claim.printed)
-        axes.axhspan(low - width, high + width, color="#e3f1ea", zorder=0)
-        axes.axhline(number, color="#222222", lw=0.8)
-    axes.axhline(here, color=PALETTE[1], lw=0.9, ls="--")
-    axes.plot([], [], color=PALETTE[1], lw=0.9, ls="--", label="the study's own results")
-    axes.plot([], [], color="#222222", lw=0.8, label="printed, with its tolerance")
+        number, unit = quantity("printed", claim.printed)
+        axes.set_ylabel(unit, fontsize=7)
+        axes.axhspan(*tolerated(claim.printed, claim.within), color="#e3f1ea", zorder=0)
+        axes.axhline(number, color="#222222", lw=0.8, label="printed, with its tolerance")
+    axes.axhline(here, color=PALETTE[1], lw=0.9, ls="--", label="the study's own results")
     axes.set_title(one.claim.name, fontsize=8)
     axes.tick_params(labelsize=7)
 
 
 def _map(axes: "Axes", u: FloatArray, name: str, choices: Sequence[Any], ends: Sequence[float]) -> None:
-    """Draw how often a value lies where in its range, or has which choice, along the sorted reconstructions."""
+    """Draw how often a value lies where in its range, or has which choice, along the sorted reconstructions.
+
+    The shade is the same in all maps: that of chance is a third of black.
+    """
     count = len(choices) or ROWS
     places = np.minimum((u * count).astype(int), count - 1)
     slices = np.array_split(places, COLUMNS)
     order = sorted_choices(choices) if choices else range(count)
     table = np.stack([np.bincount(of, minlength=count) / max(len(of), 1) for of in slices], axis=1)
-    axes.imshow(table[list(order)], origin="lower", aspect="auto", extent=(0.0, 1.0, 0.0, 1.0), cmap="Greys", vmin=0.0)
-    words = [str(choices[k]) for k in order] if choices else []
+    black, extent = min(1.0, SHADED / count), (0.0, 1.0, 0.0, 1.0)
+    axes.imshow(table[list(order)], origin="lower", aspect="auto", extent=extent, cmap="Greys", vmin=0.0, vmax=black)
+    words = [word_of(choices[k]) for k in order] if choices else []
     if len(ends) == 2:
         axes.set_yticks([0.0, 1.0], [f"{end:g}" for end in ends])
     elif words and max(map(len, words)) <= WORD_MAX:

@@ -1,17 +1,18 @@
 """The reconstruction in which most printed numbers hold together, as a multiverse's report tells it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from navbench.analysis.fitting import Fit
 from navbench.report.document import Block, Column, Heading, Paragraph, Table
-from navbench.report.shares import central
+from navbench.report.shares import central, word_of
 
 if TYPE_CHECKING:
     from navbench.report.multiverse import Search, Told
 
 Worth = Sequence[tuple[str, float]]  # dimensions with their bits, as ``worth`` tells them
 ASSUMED_MAX = 6  # values of the best reconstruction that its sentence names
+APPLIED = {"scale": "x {:.4g}", "step": "{:+.4g}"}  # what a vector is multiplied by, or what is added to it
 LISTED_MAX = 40  # characters of choices that a table lists; of longer ones it gives the number
 
 
@@ -55,59 +56,60 @@ def fitted(told: "Told", ranked: Worth) -> list[Block]:
         Column("claim", "id"),
         Column("printed", "printed"),
         Column("here", "here"),
-        Column("90 % of the admissible", "admissible"),
+        Column("admissible", "admissible"),
         Column("at best", "value"),
         Column("holds", "holds"),
         Column("predicted by the others", "predicted"),
         Column("holds", "predicts"),
     ]
-    words, admissible = {True: "yes", False: "no"}, told.admissible
-    rows = []
+    words, rows = {True: "yes", False: "no"}, []
     for entry, value, holds, predicted, predicts in zip(
         best.claims, best.values, best.holds, best.predicted, best.predicts, strict=True
     ):
-        band = central(told.drawn, entry, admissible)
-        between = band and " to ".join(f"{end:.4g}" for end in band)
+        of = central(told.drawn, entry, told.admissible)
         at_best = [value, words[bool(holds)], predicted, words[bool(predicts)]]
-        rows.append([entry.name, str(entry.claim.printed), told.measured.get(entry.name), between, *at_best])
+        rows.append([entry.name, str(entry.claim.printed), told.measured.get(entry.name), of, *at_best])
     text = (
-        "The printed numbers that do not follow from each other: in the study's own results (*here*), in the central "
-        "90 % of the admissible reconstructions, in the one that meets most of them; and "
-        "each as the reconstruction has it that meets the others best, found in the same way. At best the median over "
-        f"up to {told.search.starts} starts within a millimetre must lie within the tolerance; whether these scatter "
-        f"by more is told above. {_assumed(told, best, ranked)}"
+        "The printed numbers that do not follow from each other: *here*, in the simulator and from the starts of the "
+        "study's own report; the median and the central 90 % of the admissible reconstructions; in the one that meets "
+        "most of them; and each as the reconstruction has it that meets the others best, found in the same way. At "
+        f"best the median over up to {told.search.starts} starts within a millimetre must lie within the tolerance; "
+        f"whether these scatter by more is told above.{_assumed(told, best, ranked)}"
     )
     return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
 
 
 def _assumed(told: "Told", best: Fit, ranked: Worth) -> str:
-    """Return what must be assumed for the best reconstruction, by the values on which the verdicts depend most."""
-    values = at_best_of(told, best)
-    names = [name for name, _ in ranked if name in values][:ASSUMED_MAX]
+    """Return what the best reconstruction has, of the values that move these numbers, as a sentence after another."""
+    moves = {told.drawn.names[i] for entry in best.claims for i in told.drawn.reaches[entry.name]}
+    names, values = [name for name, _ in ranked if name in moves][:ASSUMED_MAX], at_best_of(told, best)
+    if not names:
+        return ""
     return (
-        f"For the one that meets most must be assumed, among others: {', '.join(f'`{n}` {values[n]}' for n in names)}; "
-        "its other values stand under *What the paper leaves open*."
+        f" To meet most it takes {', '.join(f'`{name}` {values[name]}' for name in names)}: of the values that move "
+        "these numbers those on which the claims depend most. All stand under *What the paper leaves open*."
     )
 
 
 def at_best_of(told: "Told", best: Fit) -> dict[str, str]:
-    """Return what each dimension that moves a printed number is in the best reconstruction, by its name.
+    """Return what each dimension is in the best reconstruction, by its name: of a group its first value.
 
-    A long choice is told by its number.
+    Vectors are told as their source moves them, by a factor or a step; a long choice by its number.
     """
     factors, choices, found = {factor.name: factor for factor in told.factors}, told.choices, {}
-    for i in sorted({i for entry in best.claims for i in told.drawn.reaches[entry.name]}):
-        name, u = told.drawn.names[i], float(best.u[i])
-        if name in factors and not factors[name].choices:
-            found[name] = f"{factors[name].at(u):.3g}"
+    for name, u in zip(told.drawn.names, best.u.tolist(), strict=True):
+        if not choices[name]:
+            factor = factors[name]
+            found[name] = APPLIED.get(factor.source.apply or "", "{:.4g}").format(factor.at(u))
             continue
         number = min(int(u * len(choices[name])), len(choices[name]) - 1)
-        word = listed([choices[name][number]], "off" if name in factors else "unset")
-        found[name] = word or f"no. {number + 1} of {len(choices[name])}"
+        choice = choices[name][number]
+        word = None if isinstance(choice, list | tuple | Mapping) else listed([choice])
+        found[name] = f"no. {number + 1} of {len(choices[name])}" if word is None else word
     return found
 
 
-def listed(choices: Sequence[Any], missing: str) -> str | None:
-    """Return some choices as words, the missing one by its own; None where they are too long."""
-    words = ", ".join(missing if choice is None else str(choice) for choice in choices)
+def listed(choices: Sequence[Any]) -> str | None:
+    """Return some choices as words; None where they are too long."""
+    words = ", ".join(map(word_of, choices))
     return words if len(words) <= LISTED_MAX else None

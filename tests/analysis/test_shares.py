@@ -9,8 +9,10 @@ import pytest
 from navbench.analysis.claims import Claim, Entry
 from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
+from navbench.analysis.printed import tolerated
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN, Drawn, halves, shares_of, undecided, worth
-from navbench.report.shares import curves
+from navbench.report.multiverse import _curved
+from navbench.report.shares import central, curves
 from navbench.report.specification import has_curve, specification
 
 SCRAMBLES, EACH = 4, 250
@@ -201,6 +203,40 @@ def test_a_specification_curve_is_what_was_measured_in_order_over_the_values_tha
     assert [label.get_text() for label in other.get_yticklabels()] == ["1", "5"]
     assert (decides.get_title(loc="left"), other.get_title(loc="left")) == ("first", "second")
     assert other.get_xlabel() == f"reconstructions with a case, sorted ({np.isfinite(values).sum()} of {N})"
+
+
+def test_of_each_value_the_claim_that_depends_on_it_most_is_drawn_before_a_second_one() -> None:
+    u = np.random.default_rng(5).random((N, 2))
+    blurred = u[:, 0] + np.random.default_rng(6).normal(0.0, 0.1, N)
+    codes = {"a bit": blurred < 0.5, "most": u[:, 0] < 0.5, "other": u[:, 1] < 0.2, "none": np.arange(N) % 2 == 0}
+    sample = drawn({name: np.where(holds, HOLDS, FAILS) for name, holds in codes.items()}, u=u)
+    shares = shares_of(sample, [*map(number, codes)], NOTHING)
+    assert [one.claim.name for one in _curved(shares)] == ["most", "other", "a bit"]
+
+
+def test_what_admissible_reconstructions_measure_is_told_of_200_or_more() -> None:
+    ok = np.arange(N) % 2 == 0
+    sample = drawn({"a": HOLDS}, {"a": np.where(ok, np.arange(N) / (N - 2), np.nan)})
+    found = central(sample, number("a"), np.ones(N, dtype=bool))
+    assert found is not None
+    assert (*found[:3], found.n) == pytest.approx((0.5, 0.05, 0.95, N // 2))
+    assert central(sample, number("a"), np.arange(N) < 398) is None
+    assert central(sample, number("a"), np.arange(N) < 400) is not None
+
+
+@pytest.mark.parametrize(
+    ("printed", "within", "ends"),
+    [
+        ("10.0 s", "10 %", (8.95, 11.05)),
+        ("0.9 s", "0.1 s", (0.75, 1.05)),
+        ("-2 %", "2", (-4.0, 0.0)),
+        (44, 1, (43, 45)),
+    ],
+)
+def test_what_agrees_lies_beyond_the_printed_decimals_by_the_tolerance(
+    printed: str | int, within: str | int, ends: tuple[float, float]
+) -> None:
+    assert tolerated(printed, within) == pytest.approx(ends)
 
 
 def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:

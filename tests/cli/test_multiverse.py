@@ -117,11 +117,12 @@ def test_a_claim_holds_in_the_share_of_the_range_in_which_it_does_and_its_factor
     drawn = {file.stem for file in (tables.parent / "figures").iterdir()}
     assert drawn == {"shares", "curves", "specification", "numbers"}
     together: dict[Any, Any] = pd.read_csv(tables / "together.csv").set_index("id").to_dict("index")
-    (speed,) = pd.read_csv(tables / "factors.csv").query("factor == 'go_to_goal.speed_mps'")["at_best"].astype(float)
-    assert f"must be assumed, among others: `go_to_goal.speed_mps` {speed:.3g}" in report
-    assert together["time"]["value"] == pytest.approx(1.95 / speed, rel=0.02)
-    ends = [float(end) for end in together["time"]["admissible"].split(" to ")]
-    assert ends == pytest.approx([1.95 / (LOW + u * (HIGH - LOW)) for u in (0.95, 0.05)], rel=0.05)
+    at_best: dict[Any, Any] = pd.read_csv(tables / "factors.csv").set_index("factor")["at_best"].to_dict()
+    speed = at_best["go_to_goal.speed_mps"]
+    assert f" To meet most it takes `go_to_goal.speed_mps` {speed}" in report
+    assert together["time"]["value"] == pytest.approx(1.95 / float(speed), rel=0.02)
+    assert np.isnan(together["time"]["admissible"])  # fewer than 200 are admissible
+    assert pd.notna([*at_best.values()]).all()
     held, least, most, worth = re.findall(
         r"(\d) of 3 printed numbers hold at once; of 20 placebo tables, with .*?, (\d) to (\d): (.*?)\.", report
     )[0]

@@ -291,20 +291,28 @@ def test_of_many_that_want_a_directory_at_once_one_has_it(tmp_path: Path) -> Non
 def test_a_lock_that_its_holder_removes_while_it_is_looked_at_is_taken_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lock, exists, taken = files._lock, Path.exists, list[int]()
+    here, lock, opens, exists = tmp_path / "here", files._lock, files._opened, Path.exists
+    taken, opened = list[int](), list[Path]()
 
     def removed(file: IO[str]) -> None:
         lock(file)
         taken.append(file.fileno())
         if len(taken) == 1:
-            (tmp_path / "lock").unlink()
+            (here / "lock").unlink()
+
+    def gone(path: Path) -> IO[str]:
+        opened.append(path)
+        if len(opened) == 2:
+            path.parent.rmdir()
+        return opens(path)
 
     monkeypatch.setattr(files, "_lock", removed)
-    monkeypatch.setattr(Path, "exists", lambda path: path.name == "lock" or exists(path))  # it goes after this
-    with files.locked(tmp_path):
-        assert len(taken) == 2
-        assert f"process {os.getpid()} on" in (tmp_path / "lock").read_text()
-    assert not os.listdir(tmp_path)
+    monkeypatch.setattr(files, "_opened", gone)
+    monkeypatch.setattr(Path, "exists", lambda path: path.name == "lock" and len(opened) == 1 or exists(path))
+    with files.locked(here):
+        assert (len(taken), len(opened)) == (2, 3)
+        assert f"process {os.getpid()} on" in (here / "lock").read_text()
+    assert not os.listdir(here)
 
 
 # A full disk

@@ -161,6 +161,8 @@ def test_what_the_multiverses_say_stands_in_one_table(joined: Path) -> None:
     _, one, two = rows_of(write_joined(joined).read_text(), "In how many reconstructions they hold")
     assert one == ["one1999", "2", "2", "2 of 3", "1", "2", "0", "1", "0", "`sflc.speed`, 1.23 bit"]
     assert two == ["two2001", "2", "–", "none printed", "1", "2", "0", "1", "0", "–"]
+    (joined / "one1999/multiverse/tables/factors.csv").write_text("factor,bits\nsflc.speed,0.0\n")
+    assert rows_of(write_joined(joined).read_text(), "In how many reconstructions they hold")[1][-1] == "–"
     (joined / "one1999/multiverse/tables/factors.csv").write_text("factor,bits\nsflc.speed,many\n")
     with pytest.raises(DescriptionError, match=r"factors\.csv: must have columns factor of words and bits of numbers"):
         write_joined(joined)
