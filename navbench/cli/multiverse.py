@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,7 +136,7 @@ def _finish(
 ) -> list[Path]:
     """Write what the reconstructions say, of another prior into an inner folder, and return the files of the report."""
     from navbench.analysis.fitting import fit, in_sample
-    from navbench.cli.searching import STARTS, Evaluation, Searches, codes_at
+    from navbench.cli.searching import STARTS, Evaluation, Searches, told_at
     from navbench.experiments.engines import in_processes
     from navbench.report.joined import read_claims
     from navbench.report.multiverse import Search, Told, write_multiverse
@@ -146,13 +147,15 @@ def _finish(
     out = Path("results") / name
     claims = read_claims(out / "claims.csv")
     here, measured = (dict(zip(claims["id"], claims[column], strict=True)) for column in ("verdict", "measured"))
-    at_best: dict[str, int] = {}
+    at_best: dict[str, tuple[int, float]] = {}
+    starts = STARTS if budget else of.episodes[-1]
     if best is not None:
-        (codes,) = in_processes(codes_at, [Evaluation(of, best.u)], workers, attrgetter("of.foreign"))
-        at_best = dict(zip((entry.name for entry in of.claims), codes, strict=True))
+        judged = replace(of, episodes=(starts,), places={}, offered={})
+        (found,) = in_processes(told_at, [Evaluation(judged, best.u)], workers, attrgetter("of.foreign"))
+        at_best = dict(zip((entry.name for entry in of.claims), zip(*found, strict=True), strict=True))
     told = Told(
         name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
-        best, at_best, Search(budget, len(searches.free), STARTS if budget else of.episodes[-1]),
+        best, at_best, Search(budget, len(searches.free), starts),
     )  # fmt: skip
     samples.publish(drawn.rows, out.joinpath("multiverse", *inner))
     files = write_multiverse(told, out.joinpath("multiverse", *inner))

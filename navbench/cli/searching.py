@@ -37,9 +37,10 @@ def measured(evaluation: Evaluation) -> FloatArray:
     return np.array([evaluation.of.tell(u).values for u in evaluation.u])
 
 
-def codes_at(evaluation: Evaluation) -> NDArray[np.int8]:
-    """Return (claims,) what each claim does in one reconstruction, of which alone ``u`` says where it lies."""
-    return evaluation.of.tell(evaluation.u).codes
+def told_at(evaluation: Evaluation) -> tuple[NDArray[np.int8], FloatArray]:
+    """Return (claims,) what each claim does in one reconstruction, of which ``u`` says where it lies, and its value."""
+    told = evaluation.of.tell(evaluation.u)
+    return told.codes, told.values
 
 
 class Searches:

@@ -140,7 +140,7 @@ def read_study(path: Path) -> Found:
             told["errata"],
             read_claims(path / "claims.csv").query("kind == 'claim'"),
             read_shares(path / MULTIVERSE),
-            read_told(path / MULTIVERSE, "together", ("id", "holds")),
+            read_told(path / MULTIVERSE, "together", ("id", "holds", "predicts")),
             read_told(path / MULTIVERSE, "factors", ("factor",), "bits"),
             read_claims(path / PLANAR / "claims.csv").query("kind == 'claim'"),
         )
@@ -234,11 +234,11 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
 def _counts(study: Found) -> list[str]:
     """Return how many claims hold where, how many have which verdict, and the missing value worth most."""
     shares, factors = study.shares.reindex(columns=["verdict", "here", "at_best"], fill_value=""), study.factors
-    told = len(study.together)
+    asked = study.together[study.together["predicts"].notna()]  # what does not follow from others
     return [
         str(int(shares["here"].isin(["reproduced", "supported"]).sum())),
-        str(int((shares["at_best"] == "yes").sum())) if told else "–",
-        f"{int((study.together['holds'] == 'yes').sum())} of {told}" if told else "none printed",
+        str(int((shares["at_best"] == "yes").sum())) if len(asked) else "–",
+        f"{int((asked['holds'] == 'yes').sum())} of {len(asked)}" if len(asked) else "none printed",
         *(str(int((shares["verdict"] == word).sum())) for word in SHARE_VERDICTS),
         f"`{factors['factor'].iloc[0]}`, {factors['bits'].iloc[0]:.2f} bit" if factors["bits"].gt(0.0).any() else "–",
     ]

@@ -65,7 +65,7 @@ class Told(NamedTuple):
         measured: what was measured there.
         prior: what was drawn and asked, as it was written down before.
         best: the reconstruction in which most printed numbers hold together; None where no claim prints one.
-        at_best: what each claim does there.
+        at_best: what each claim does there, and what is measured of it.
         search: how that was found.
     """
 
@@ -79,13 +79,13 @@ class Told(NamedTuple):
     measured: Mapping[str, float]
     prior: Mapping[str, Any]
     best: Fit | None
-    at_best: Mapping[str, int]
+    at_best: Mapping[str, tuple[int, float]]
     search: Search
 
     @property
     def holds_at_best(self) -> list[str]:
         """The names of the claims that hold there."""
-        found = ((entry, np.array(self.at_best.get(entry.name, UNKNOWN))) for entry in self.claims)
+        found = ((entry, np.array(self.at_best.get(entry.name, (UNKNOWN,))[0])) for entry in self.claims)
         return [entry.name for entry, code in found if held(code, entry.claim)]
 
     @property

@@ -63,18 +63,22 @@ def fitted(told: "Told", ranked: Worth) -> list[Block]:
         Column("holds", "predicts"),
     ]
     words, rows = {True: "yes", False: "no"}, []
-    for entry, value, holds, predicted, predicts in zip(
-        best.claims, best.values, best.holds, best.predicted, best.predicts, strict=True
-    ):
-        of = central(told.drawn, entry, told.admissible)
-        at_best = [value, words[bool(holds)], predicted, words[bool(predicts)]]
-        rows.append([entry.name, str(entry.claim.printed), told.measured.get(entry.name), of, *at_best])
+    asked = {entry.name: k for k, entry in enumerate(best.claims)}
+    for entry in (entry for entry in told.claims if entry.claim.printed is not None):
+        k, name = asked.get(entry.name), entry.name
+        row = [name, str(entry.claim.printed), told.measured.get(name), central(told.drawn, entry, told.admissible)]
+        if k is None:
+            rows.append([*row, told.at_best[name][1], words[name in told.holds_at_best], None, None])
+        else:
+            met, predicted = words[bool(best.holds[k])], words[bool(best.predicts[k])]
+            rows.append([*row, best.values[k], met, best.predicted[k], predicted])
     text = (
-        "The printed numbers that do not follow from each other: *here*, in the simulator and from the starts of the "
-        "study's own report; the median and the central 90 % of the admissible reconstructions; in the one that meets "
-        "most of them; and each as the reconstruction has it that meets the others best, found in the same way. At "
-        f"best the median over up to {told.search.starts} starts within a millimetre must lie within the tolerance; "
-        f"whether these scatter by more is told above.{_assumed(told, best, ranked)}"
+        "The printed numbers: *here*, in the simulator and from the starts of the study's own report; the median and "
+        "the central 90 % of the admissible reconstructions; *at best*, in the one that meets most of the "
+        f"{len(asked)} that do not follow from others; and each of these as the reconstruction has it that meets the "
+        f"others best, found in the same way. At best the median over up to {told.search.starts} starts within a "
+        "millimetre must lie within the tolerance; whether these scatter by more is told above."
+        f"{_assumed(told, best, ranked)}"
     )
     return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
 

@@ -389,6 +389,10 @@ def test_a_search_for_other_numbers_is_made_anew(command: Command, there: Path, 
         done = command(*WORDS)
         assert done.code == 0, done.err
         assert json.loads(best.read_text())["claims"] == claims
+        told: dict[Any, Any] = pd.read_csv(best.parent / "tables/together.csv").set_index("id").to_dict("index")
+        assert [*told] == ["time", "time-set", "fast"]
+        assert [name for name, row in told.items() if pd.notna(row["predicts"])] == claims
+        assert (told["time-set"]["value"], told["time-set"]["holds"]) == (pytest.approx(10.0, abs=0.05), "yes")
 
 
 def test_going_on_with_more_and_with_other_workers_leaves_the_same_bytes(command: Command, folder: Path) -> None:

@@ -151,7 +151,7 @@ def test_what_the_multiverses_say_stands_in_one_table(joined: Path) -> None:
     tables = {
         "shares": "id,verdict,here,at_best,share\na,robust,reproduced,yes,1.0\nb,open,not reproduced,yes,0.5\n"
         "c,open,supported,no,0.4\nd,out of reach,partly,no,0.0\n",
-        "together": "id,printed,holds\na,1 s,yes\nb,2 s,no\nc,3 s,yes\n",
+        "together": "id,printed,holds,predicts\na,1 s,yes,no\nb,2 s,no,no\nc,3 s,yes,no\nd,6 m,yes,\n",
         "factors": "factor,bits\nsflc.speed,1.234\nsflc.turn,0.5\n",
     }
     for study, names in (("one1999", tables), ("two2001", ["shares"])):
