@@ -186,21 +186,21 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
         ]
         for one in shares
     ]
-    text = (
-        "*Here* is the verdict in the study's own results, *at best* whether the claim holds in the reconstruction "
-        "that meets most printed numbers. Among reconstructions a printed single run holds where the median of starts "
-        "within a millimetre lies within the tolerance and they scatter by no more; *here* it must lie among the "
-        "central 90 % of them, too. A share is one of our prior: of the ranges and choices of everything that "
-        "the paper leaves open, drawn independently. *Robust* holds, and *contradicted* fails, in 95 % or more, by the "
-        f"bound of the interval, over admissible reconstructions where {CASES_MIN} or more are, else over all; *out of "
-        "reach* holds in none that was drawn or found; *not testable* has no case or is chaotic in most. *Of "
-        "admissible* is the share of those in which the paper's "
-        f"controllers do what it shows, see *How it was made*{_given(told, shares)}. Shares that the decimals do not "
-        f"show, and those of fewer than {CASES_MIN} cases, which have no interval, are counts. *Decided by* names the "
-        "missing value that most often turns an open claim when it alone is drawn anew, else the one on which it "
-        "depends most."
-    )
-    return [Heading("Claims"), Paragraph(text), Table("shares", columns, rows)]
+    texts = [
+        "*Robust* holds, and *contradicted* fails, in 95 % or more, by the bound of the interval, over admissible "
+        f"reconstructions where {CASES_MIN} or more are, else over all; *out of reach* holds in none that was drawn or "
+        "found; *not testable* has no case or is chaotic in most; *open* is what is left.",
+        "*Here* is the verdict in the study's own results; *at best*, whether it holds in the reconstruction that "
+        "meets most printed numbers. *Of admissible* is the share of those in which the paper's controllers do what it "
+        f"shows, see *How it was made*{_given(told, shares)}. *Decided by* names the missing value that most often "
+        "turns an open claim when it alone is drawn anew, else the one on which it depends most.",
+        "A share is one of our prior: of the ranges and choices of everything that the paper leaves open, drawn "
+        "independently. Among reconstructions a printed single run holds where the median of starts within a "
+        "millimetre lies within the tolerance and they scatter by no more; *here* it must lie among the central 90 % "
+        "of them, too. Shares that the decimals do not show, and those of fewer than "
+        f"{CASES_MIN} cases, which have no interval, are counts.",
+    ]
+    return [Heading("Claims"), *map(Paragraph, texts), Table("shares", columns, rows)]
 
 
 def _given(told: Told, shares: Sequence[Shares]) -> str:
