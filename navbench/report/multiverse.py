@@ -16,6 +16,7 @@ from navbench.analysis.fitting import Fit
 from navbench.analysis.multiverse import KIND, Multiverse
 from navbench.analysis.shares import CASES_MIN, UNKNOWN, Drawn, Shares, admissible_of, halves, held, shares_of, worth
 from navbench.experiments.store import write_table
+from navbench.mathematics.information import BINS, PAIR_BINS
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import RARE, Block, Column, Document, Heading, Link, Paragraph, Plot, Table
 from navbench.report.figures import save_figure
@@ -268,9 +269,11 @@ def _deciding(shares: Sequence[Shares]) -> list[Block]:
     text = (
         "How often drawing one value anew, and nothing else, turns a claim, where it holds neither in nearly all "
         "reconstructions nor in hardly any; on which value, or two, it depends most, "
-        "in bits (mutual information of value and verdict, with what 95 % of permutations stay below); over admissible "
-        "reconstructions only association can be told (PAWN's index). *No case*: there is nothing to measure, as of a "
-        "robot that does not arrive; *chaotic*: starts within a millimetre differ by more than the tolerance."
+        "in bits (mutual information of value and verdict, with what 95 % of permutations stay below; of a pair in "
+        f"{PAIR_BINS} classes each in place of {BINS}, so that it can seem to tell less than one of the two); over "
+        "admissible reconstructions only association can be told (PAWN's index). *No case*: there is nothing to "
+        "measure, as of a robot that does not arrive; *chaotic*: starts within a millimetre differ by more than the "
+        "tolerance."
     )
     return [Heading("What decides them"), Paragraph(text), Table("deciding", columns, rows)]
 
