@@ -233,11 +233,11 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
 
 def _counts(study: Found) -> list[str]:
     """Return how many claims hold where, how many have which verdict, and the missing value worth most."""
-    shares, factors = study.shares.reindex(columns=["verdict", "here", "at_best"], fill_value=""), study.factors
+    shares, factors = study.shares, study.factors
     asked = study.together[study.together["predicts"].notna()]  # what does not follow from others
     return [
-        str(int(shares["here"].isin(["reproduced", "supported"]).sum())),
-        str(int((shares["at_best"] == "yes").sum())) if len(asked) else "–",
+        str(int(shares["here"].isin(["reproduced", "supported"]).sum())) if "here" in shares else "–",
+        str(int((shares["at_best"] == "yes").sum())) if len(asked) and "at_best" in shares else "–",
         f"{int((asked['holds'] == 'yes').sum())} of {len(asked)}" if len(asked) else "none printed",
         *(str(int((shares["verdict"] == word).sum())) for word in SHARE_VERDICTS),
         f"`{factors['factor'].iloc[0]}`, {factors['bits'].iloc[0]:.2f} bit" if factors["bits"].gt(0.0).any() else "–",

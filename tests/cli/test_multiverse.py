@@ -258,7 +258,7 @@ def test_the_study_s_own_reconstruction_says_what_the_study_does(command: Comman
     (tables / "shares.csv").write_text("id,verdict,share\ntime,open,0.4\narrives,robust,1.0\n")
     assert command("report", "join=results").code == 0
     joined = (folder / "results/README.md").read_text()
-    assert "| tiny | 1 | 1 | 0 | 0 | 0 |" in joined
+    assert "| tiny | – | – | none printed | 1 | 1 | 0 | 0 | 0 | – |" in joined
     assert (folder / "results/figures/shares.png").is_file()
 
 
