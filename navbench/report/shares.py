@@ -32,6 +32,7 @@ VERDICTS = {  # with their colours
     "not testable": "#999999",
 }
 SLICES = 8  # of a value's range, over which a share is told
+NUMBER_MAX = 8  # characters of a choice that is a number; longer ones are rounded
 NAMED_MAX = 24  # characters of all choices together if they are named; longer ones are numbered in their order
 
 
@@ -152,7 +153,8 @@ def _curve(axes: "Axes", drawn: Drawn, one: Shares, name: str, choices: Sequence
 
 def word_of(choice: Any) -> str:
     """Return a choice as it is written in tables and figures; the missing one is "none"."""
-    return "none" if choice is None else str(choice)
+    word = "none" if choice is None else str(choice)
+    return f"{choice:.4g}" if isinstance(choice, float) and len(word) > NUMBER_MAX else word
 
 
 def sorted_choices(choices: Sequence[Any]) -> list[int]:

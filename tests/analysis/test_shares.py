@@ -12,7 +12,7 @@ from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
 from navbench.analysis.printed import tolerated
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN, Drawn, halves, shares_of, undecided, worth
 from navbench.report.multiverse import _curved
-from navbench.report.shares import central, curves
+from navbench.report.shares import central, curves, word_of
 from navbench.report.specification import has_curve, specification
 
 SCRAMBLES, EACH = 4, 250
@@ -237,6 +237,13 @@ def test_what_agrees_lies_beyond_the_printed_decimals_by_the_tolerance(
     printed: str | int, within: str | int, ends: tuple[float, float]
 ) -> None:
     assert tolerated(printed, within) == pytest.approx(ends)
+
+
+@pytest.mark.parametrize(
+    ("choice", "word"), [(None, "none"), (-0.39269908169872414, "-0.3927"), (1e-09, "1e-09"), (0.25, "0.25"), (7, "7")]
+)
+def test_a_choice_is_written_as_it_is_said(choice: Any, word: str) -> None:
+    assert word_of(choice) == word
 
 
 def test_numbers_that_hang_together_fit_better_than_permuted_ones() -> None:
