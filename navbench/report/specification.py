@@ -68,11 +68,10 @@ def specification(
 
 
 def _deciding(one: Shares) -> list[str]:
-    """Return what decides a claim: what most often turns it when it alone is moved, else what tells most of it."""
+    """Return what decides a claim: what tells most of it, then what most often turns it when it alone is moved."""
     assert one.bits is not None
     turning = [name for name, often in one.flips.items() if often.low > 0.0]
-    told = [one.bits[0], *(one.pair or ())[:2]]
-    return list(dict.fromkeys([*turning, *map(str, told)]))[:FACTORS_MAX]
+    return list(dict.fromkeys([one.bits[0], *turning, *map(str, (one.pair or ())[:2])]))[:FACTORS_MAX]
 
 
 def _curve(axes: "Axes", one: Shares, values: FloatArray, holds: NDArray[np.bool_], here: float) -> None:

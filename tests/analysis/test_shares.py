@@ -11,6 +11,7 @@ from navbench.analysis.fitting import fit, in_sample
 from navbench.analysis.multiverse import KIND, Conditioned, Multiverse
 from navbench.analysis.printed import tolerated
 from navbench.analysis.shares import CHAOTIC, FAILS, HOLDS, PARTLY, UNKNOWN, Drawn, halves, shares_of, undecided, worth
+from navbench.mathematics.statistics import Estimate
 from navbench.report.multiverse import _curved
 from navbench.report.shares import central, curves, word_of
 from navbench.report.specification import has_curve, specification
@@ -183,6 +184,8 @@ def test_a_specification_curve_is_what_was_measured_in_order_over_the_values_tha
     sample = drawn({"a": np.where(abs(values - 10.0) <= 1.0, HOLDS, FAILS)}, {"a": values, "few": np.arange(N) % 9}, u)
     assert (has_curve(sample, "a"), has_curve(sample, "few")) == (True, False)
     (one,) = shares_of(sample, [number("a")], NOTHING)
+    assert one.bits is not None
+    one = one._replace(flips={"second": Estimate(0.3, 0.1, 0.5, 64)})  # which comes after what tells most
     figure = specification(sample, [one], {"second": (5, 1)}, {"first": (0.0, 3.0)}, {"a": 12.5})
     top, decides, other = figure.subfigs[0].axes
     holds, fails = (np.asarray(line.get_ydata(), dtype=float) for line in top.lines[:2])
