@@ -20,6 +20,7 @@ from benchmarks.harness import Cell, Effort, Table
 from benchmarks.inference import inference
 from benchmarks.loops import closed_loop, shipped
 from benchmarks.rays import rays
+from benchmarks.reconstructions import reconstructions
 from benchmarks.resources import memory, startup
 from benchmarks.scaling import isolation, scaling, workers
 from benchmarks.shares import shares
@@ -37,6 +38,7 @@ SECTIONS: dict[str, Callable[[Effort], Table]] = {
     "memory": memory,
     "startup": startup,
     "shares": shares,
+    "reconstructions": reconstructions,
     "coverage": coverage,
 }
 PACKAGES = ("numpy", "numba", "pybullet", "navground", "ir-sim", "scikit-fuzzy")

@@ -11,6 +11,14 @@ if TYPE_CHECKING:
 KEYS = ("run_id", "world", "seed", "episode")
 
 
+def successes(episodes: "pd.DataFrame") -> dict[tuple[Any, ...], bool]:
+    """Return of each run, world, seed and episode in a table of episodes whether all robots reached their goals."""
+    found: dict[tuple[Any, ...], bool] = {}
+    for *name, outcome in zip(*(episodes[column].tolist() for column in (*KEYS, "outcome")), strict=True):
+        found[tuple(name)] = found.get(tuple(name), True) and outcome == "reached"
+    return found
+
+
 def fleets(episodes: "pd.DataFrame") -> "pd.DataFrame":
     """Return one row an episode.
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from navbench.analysis.estimates import exact, median_of, share_of
-from navbench.analysis.fleets import fleets
+from navbench.analysis.fleets import fleets, successes
 from navbench.analysis.printed import fraction
 from navbench.analysis.stored import StoredResults, outcomes, reached
 from navbench.mathematics import statistics
@@ -35,7 +35,7 @@ def share_without_collision(stored: StoredResults, select: Select) -> Estimate |
 
 def share_of_fleets(stored: StoredResults, select: Select) -> Estimate | None:
     """Return the share of episodes in which all robots reached their goals."""
-    return share_of(fleets(stored.cases(**select))["success"])
+    return share_of(list(successes(stored.cases(**select)).values()))
 
 
 def share_better(

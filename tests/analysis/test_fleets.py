@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from stored import CROSSING, LIMIT_S, ROBOT, WORLD, ZHAO2017, ZHAO2018, Fleet, a_cell, a_drive, a_record, store, told
 
-from navbench.analysis.fleets import fleets
+from navbench.analysis.fleets import fleets, successes
 from navbench.analysis.measuring import measure
 from navbench.analysis.stored import StoredResults
 from navbench.cli.worlds import world_of
@@ -63,10 +63,12 @@ def two_controllers(path: Path) -> StoredResults:
 
 
 def test_a_fleet_succeeds_when_all_reach_and_its_makespan_is_the_last_ones_time(tmp_path: Path) -> None:
-    table = fleets(two_controllers(tmp_path).select(label="A"))
+    episodes = two_controllers(tmp_path).select(label="A")
+    table = fleets(episodes)
     assert table["episode"].tolist() == [0, 1, 2, 3]
     assert table["robots"].tolist() == [2, 2, 2, 2]
     assert table["success"].tolist() == [True, True, False, False]
+    assert [*successes(episodes).values()] == [True, True, False, False]
     assert table["makespan_s"].tolist()[:2] == [12.0, 30.0]
     assert table["sum_of_times_s"].tolist()[:2] == [22.0, 50.0]
     assert table[["makespan_s", "sum_of_times_s"]].iloc[2:].isna().to_numpy().all()
