@@ -139,7 +139,8 @@ def _finish(
     from navbench.cli.searching import STARTS, Evaluation, Searches, told_at
     from navbench.experiments.engines import in_processes
     from navbench.report.joined import read_claims
-    from navbench.report.multiverse import Search, Told, write_multiverse
+    from navbench.report.multiverse import write_multiverse
+    from navbench.report.multiverse_results import MultiverseResults, Search
 
     prior, name = samples.prior(), str(of.study["name"])
     searches = Searches(of, drawn, samples, seed=prior["seed"], evaluations=budget, workers=workers, told=progress)
@@ -153,7 +154,7 @@ def _finish(
         judged = replace(of, episodes=(starts,), places={}, offered={})
         (found,) = in_processes(told_at, [Evaluation(judged, best.u)], workers, attrgetter("of.foreign"))
         at_best = dict(zip((entry.name for entry in of.claims), zip(*found, strict=True), strict=True))
-    told = Told(
+    told = MultiverseResults(
         name, of.study["title"], drawn, of.claims, of.multiverse, of.factors, here, measured, prior,
         best, at_best, Search(budget, len(searches.free), starts),
     )  # fmt: skip

@@ -2,24 +2,19 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from navbench.analysis.claims import Entry
-from navbench.analysis.factors import Factor
-from navbench.analysis.fitting import Fit
-from navbench.analysis.multiverse import KIND, Multiverse
-from navbench.analysis.shares import CASES_MIN, UNKNOWN, Drawn, Shares, admissible_of, halves, held, shares_of, worth
+from navbench.analysis.multiverse import KIND
+from navbench.analysis.shares import CASES_MIN, Shares, halves, shares_of, worth
 from navbench.experiments.store import write_table
 from navbench.mathematics.information import BINS, PAIR_BINS
 from navbench.mathematics.statistics import Estimate
 from navbench.report.document import RARE, Block, Column, Document, Heading, Link, Paragraph, Plot, Table
 from navbench.report.figures import save_figure
+from navbench.report.multiverse_results import MultiverseResults
 from navbench.report.reports import write_document
 from navbench.report.shares import VERDICTS, chart, curves, numbers, read_shares
 from navbench.report.specification import has_curve, specification
@@ -31,20 +26,6 @@ CURVES_MAX = 6  # claims of which the share is drawn over the value on which it 
 SORTED_MAX = 4  # claims of which the specification curve is drawn
 
 
-class Search(NamedTuple):
-    """How a best reconstruction was found.
-
-    Attributes:
-        evaluations: of the search; 0 for the best of the sample.
-        free: how many values it may move.
-        starts: over how many of a cell each is judged at most.
-    """
-
-    evaluations: int
-    free: int
-    starts: int
-
-
 TUNED = (
     "Nothing is tuned or evolved anew: reconstructions take what the study's own tunings found in its own worlds, and "
     "within other bounds what lies at the same place between them. What a tuning would gain in another layout they do "
@@ -52,56 +33,7 @@ TUNED = (
 )
 
 
-class Told(NamedTuple):
-    """What a report of a multiverse is made of.
-
-    Attributes:
-        study: its name.
-        title: its title.
-        drawn: the reconstructions.
-        claims: the claims, and what makes a reconstruction admissible.
-        multiverse: what the study says of it.
-        factors: the factors among the dimensions.
-        here: the verdict of each claim in the study's own results; empty where these are not at hand.
-        measured: what was measured there.
-        prior: what was drawn and asked, as it was written down before.
-        best: the reconstruction in which most printed numbers hold together; None where no claim prints one.
-        at_best: what each claim does there, and what is measured of it.
-        search: how that was found.
-    """
-
-    study: str
-    title: str
-    drawn: Drawn
-    claims: Sequence[Entry]
-    multiverse: Multiverse
-    factors: Sequence[Factor]
-    here: Mapping[str, str]
-    measured: Mapping[str, float]
-    prior: Mapping[str, Any]
-    best: Fit | None
-    at_best: Mapping[str, tuple[int, float]]
-    search: Search
-
-    @property
-    def holds_at_best(self) -> list[str]:
-        """The names of the claims that hold there."""
-        found = ((entry, np.array(self.at_best.get(entry.name, (UNKNOWN,))[0])) for entry in self.claims)
-        return [entry.name for entry, code in found if held(code, entry.claim)]
-
-    @property
-    def choices(self) -> dict[str, Sequence[Any]]:
-        """The choices of each value that has no range."""
-        choices: dict[str, Sequence[Any]] = {factor.name: factor.choices for factor in self.factors}
-        return choices | {choice["name"]: choice["values"] for choice in self.prior["choices"]}
-
-    @property
-    def admissible(self) -> NDArray[np.bool_]:
-        """Which reconstructions are admissible."""
-        return admissible_of(self.drawn, self.claims)
-
-
-def write_multiverse(told: Told, out: Path) -> list[Path]:
+def write_multiverse(told: MultiverseResults, out: Path) -> list[Path]:
     """Write the report into a directory and return its files."""
     shares = shares_of(told.drawn, told.claims, told.multiverse, told.holds_at_best)
     best, ranked = told.best, worth(shares, told.drawn)
@@ -143,7 +75,7 @@ def write_multiverse(told: Told, out: Path) -> list[Path]:
     return write_document(document, out)
 
 
-def _first(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
+def _first(told: MultiverseResults, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
     """Return what a reader wants first: three sentences."""
     counts = {word: sum(one.verdict == word for one in shares) for word in VERDICTS}
     bits = [(name, value) for name, value in ranked[:3] if value > 0.0]
@@ -161,7 +93,7 @@ def _first(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
     return [Paragraph(line) for line in lines]
 
 
-def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
+def _claims(told: MultiverseResults, shares: Sequence[Shares]) -> list[Block]:
     columns = [
         Column("claim", "id"),
         Column("says", "statement"),
@@ -204,7 +136,7 @@ def _claims(told: Told, shares: Sequence[Shares]) -> list[Block]:
     return [Heading("Claims"), *map(Paragraph, texts), Table("shares", columns, rows)]
 
 
-def _given(told: Told, shares: Sequence[Shares]) -> str:
+def _given(told: MultiverseResults, shares: Sequence[Shares]) -> str:
     """Return of which reconstructions the conditioned shares are, as the end of a sentence."""
     conditioned = told.multiverse.conditioned
     if conditioned is None:
@@ -217,7 +149,7 @@ def _given(told: Told, shares: Sequence[Shares]) -> str:
     )
 
 
-def _other_priors(told: Told, shares: Sequence[Shares], out: Path) -> list[Block]:
+def _other_priors(told: MultiverseResults, shares: Sequence[Shares], out: Path) -> list[Block]:
     """Return the shares under the study's other priors, whose reports are there, beside those of this one."""
     tables = {name: read_shares(out / name).set_index("id") for name in told.multiverse.priors}
     tables = {name: table for name, table in tables.items() if len(table)}
@@ -285,7 +217,7 @@ def _enough(share: Estimate | None) -> Estimate | None:
     return Estimate(share.value, math.nan, math.nan, share.n)
 
 
-def _factors(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
+def _factors(told: MultiverseResults, shares: Sequence[Shares], ranked: Worth) -> list[Block]:
     known, claims = {factor.name: factor for factor in told.factors}, {one.claim.name for one in shares}
     choices, at_best = told.choices, at_best_of(told, told.best) if told.best else {}
     rows = []
@@ -315,7 +247,7 @@ def _factors(told: Told, shares: Sequence[Shares], ranked: Worth) -> list[Block]
     return [Heading("What the paper leaves open"), Paragraph(text), Table("factors", columns, rows)]
 
 
-def _made(told: Told, shares: Sequence[Shares]) -> list[Block]:
+def _made(told: MultiverseResults, shares: Sequence[Shares]) -> list[Block]:
     rows, moved = told.drawn.rows, told.drawn.moved
     conditions = [entry for entry in told.claims if entry.kind == KIND]
     admissible, apart = int(told.admissible.sum()), sum(halves(told.drawn, one.claim) > 1.96 for one in shares)

@@ -1,14 +1,12 @@
 """The reconstruction in which most printed numbers hold together, as a multiverse's report tells it."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from navbench.analysis.fitting import Fit
 from navbench.report.document import Block, Column, Heading, Paragraph, Table
+from navbench.report.multiverse_results import MultiverseResults, Search
 from navbench.report.shares import central, word_of
-
-if TYPE_CHECKING:
-    from navbench.report.multiverse import Search, Told
 
 Worth = Sequence[tuple[str, float]]  # dimensions with their bits, as ``worth`` tells them
 ASSUMED_MAX = 6  # values of the best reconstruction that its sentence names
@@ -16,7 +14,7 @@ APPLIED = {"scale": "x {:.4g}", "step": "{:+.4g}"}  # what a vector is multiplie
 LISTED_MAX = 40  # characters of choices that a table lists; of longer ones it gives the number
 
 
-def point(told: "Told", best: Fit) -> dict[str, Any]:
+def point(told: MultiverseResults, best: Fit) -> dict[str, Any]:
     """Return where the best reconstruction lies and what holds there, for ``reconstruction=best`` of a study."""
     names = [factor.name for factor in told.factors]
     return {
@@ -28,7 +26,7 @@ def point(told: "Told", best: Fit) -> dict[str, Any]:
     }
 
 
-def together(best: Fit, search: "Search") -> str:
+def together(best: Fit, search: Search) -> str:
     """Return in one sentence how many printed numbers hold at once, and how many of placebo tables."""
     searched = f"a search of {search.evaluations} evaluations over {search.free} values finds"
     found = searched if search.evaluations else "the sample has"
@@ -47,7 +45,7 @@ def together(best: Fit, search: "Search") -> str:
     )
 
 
-def fitted(told: "Told", ranked: Worth) -> list[Block]:
+def fitted(told: MultiverseResults, ranked: Worth) -> list[Block]:
     """Return each printed number beside what is measured, and what must be assumed for the best of them."""
     best = told.best
     if best is None:
@@ -83,7 +81,7 @@ def fitted(told: "Told", ranked: Worth) -> list[Block]:
     return [Heading("The printed numbers together"), Paragraph(text), Table("together", columns, rows)]
 
 
-def _assumed(told: "Told", best: Fit, ranked: Worth) -> str:
+def _assumed(told: MultiverseResults, best: Fit, ranked: Worth) -> str:
     """Return what the best reconstruction has, of the values that move these numbers, as a sentence after another."""
     moves = {told.drawn.names[i] for entry in best.claims for i in told.drawn.reaches[entry.name]}
     names, values = [name for name, _ in ranked if name in moves][:ASSUMED_MAX], at_best_of(told, best)
@@ -95,7 +93,7 @@ def _assumed(told: "Told", best: Fit, ranked: Worth) -> str:
     )
 
 
-def at_best_of(told: "Told", best: Fit) -> dict[str, str]:
+def at_best_of(told: MultiverseResults, best: Fit) -> dict[str, str]:
     """Return what each dimension is in the best reconstruction, by its name: of a group its first value.
 
     Vectors are told as their source moves them, by a factor or a step; a long choice by its number.
