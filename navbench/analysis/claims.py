@@ -66,6 +66,11 @@ class Claim:
             raise DescriptionError("must have `compare` only beside `printed` or a share that `holds`")
         if self.plausible and self.measure is None:
             raise DescriptionError("must have `plausible` only beside `measure`")
+        if missing := set(self.plausible or ()).difference(self.of or ()):
+            name = min(missing)  # else nobody could say what is asked beside what is plausible
+            raise DescriptionError(
+                f"plausible.{name}: must stand in `of`, too; {instead(name, self.of or (), 'there')}"
+            )
         if self.printed is not None:
             quantity("printed", self.printed)
             quantity("within", self.within)

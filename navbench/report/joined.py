@@ -222,8 +222,9 @@ def _shares(studies: Sequence[Found], folder: Path) -> list[Block]:
         "answer, in many reconstructions of what a paper leaves open: *robust* claims hold in 95 % of them or more, "
         "*contradicted* ones fail in 95 % or more, those *out of reach* hold in none that was drawn; *not testable* "
         "ones have no case or are chaotic in most; *open* ones depend on what is not printed, and the reports say on "
-        "what. *Hold here*: reproduced or supported in the study's own results, where those not testable do not count; "
-        "*at best*: as reconstructions count, in the one that meets most printed numbers, to which it is fitted."
+        "what, or have too often no case to be said to fail. *Hold here*: reproduced or supported in the study's own "
+        "results, where those not testable do not count; *at best*: as reconstructions count, in the one that meets "
+        "most printed numbers, to which it is fitted."
     )
     caption = "Each dot is a claim: in which share of the reconstructions it holds"
     worth = "the missing value worth most"

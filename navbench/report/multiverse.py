@@ -84,8 +84,8 @@ def _first(told: MultiverseResults, shares: Sequence[Shares], ranked: Worth) -> 
         f"{len(shares)} claims: {counts['robust']} robust, holding in nearly every reconstruction; "
         f"{counts['contradicted']} contradicted, failing in nearly every one; {counts['out of reach']} out of reach, "
         f"holding in none of {len(told.drawn.rows)}; {counts['not testable']} not testable, without a case or chaotic "
-        f"in most; {counts['open']} open, depending on what the paper does not print.",
-        together(told.best, told.search) if told.best else "No claim prints a number.",
+        f"in most; {counts['open']} open, depending on what the paper does not print, or too often without a case.",
+        together(told, told.best) if told.best else "No claim prints a number.",
         f"The missing values on which the verdicts of all claims together depend most: {most}."
         if most
         else "The verdicts depend on none of the missing values alone.",
@@ -122,7 +122,8 @@ def _claims(told: MultiverseResults, shares: Sequence[Shares]) -> list[Block]:
     texts = [
         "*Robust* holds, and *contradicted* fails, in 95 % or more, by the bound of the interval, over admissible "
         f"reconstructions where {CASES_MIN} or more are, else over all; *out of reach* holds in none that was drawn or "
-        "found; *not testable* has no case or is chaotic in most; *open* is what is left.",
+        "found; *not testable* has no case or is chaotic in most; *open* is what is left, also what hardly ever holds "
+        "but has too often no case to be said to fail.",
         "*Here* is the verdict in the study's own results; *at best*, whether it holds in the reconstruction that "
         "meets most printed numbers. *Of admissible* is the share of those in which the paper's controllers do what it "
         f"shows, see *How it was made*{_given(told, shares)}. *Decided by* names the missing value that most often "

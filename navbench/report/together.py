@@ -5,7 +5,7 @@ from typing import Any
 
 from navbench.analysis.fitting import Fit
 from navbench.report.document import Block, Column, Heading, Paragraph, Table
-from navbench.report.multiverse_results import MultiverseResults, Search
+from navbench.report.multiverse_results import MultiverseResults
 from navbench.report.shares import central, word_of
 
 Worth = Sequence[tuple[str, float]]  # dimensions with their bits, as ``worth`` tells them
@@ -26,22 +26,24 @@ def point(told: MultiverseResults, best: Fit) -> dict[str, Any]:
     }
 
 
-def together(best: Fit, search: Search) -> str:
+def together(told: MultiverseResults, best: Fit) -> str:
     """Return in one sentence how many printed numbers hold at once, and how many of placebo tables."""
+    search, count = told.search, int(best.holds.sum())
     searched = f"a search of {search.evaluations} evaluations over {search.free} values finds"
     found = searched if search.evaluations else "the sample has"
-    held, placebos, predicts = int(best.holds.sum()), best.placebos, int(best.predicts.sum())
-    beaten = int((placebos < held).sum())
+    held = [entry.name for entry, holds in zip(best.claims, best.holds, strict=True) if holds]
+    wide = len(set(held).difference(told.holds_at_best))
+    scattered = f", {wide} of them by the median of starts that scatter by more than the tolerance" if wide else ""
+    placebos, predicts = best.placebos, int(best.predicts.sum())
+    as_many = int((placebos >= count).sum())
     worth = "the reconstruction fits the paper better than chance"
-    if beaten < len(placebos):
-        worth = (
-            f"as many hold in {len(placebos) - beaten} of these, so that it fits the paper hardly better than chance"
-        )
+    if as_many:
+        worth = f"as many hold in {as_many} of these, so that it fits the paper hardly better than chance"
     return (
-        f"In the best reconstruction that {found}, {held} of {len(best.claims)} printed numbers hold at once; of "
-        f"{len(placebos)} placebo tables, with the same numbers permuted, {placebos.min()} to {placebos.max()}: "
-        f"{worth}. "
-        f"Of those left out in turn, the reconstruction that meets the others best predicts {predicts}."
+        f"In the best reconstruction that {found}, {count} of {len(best.claims)} printed numbers hold at once"
+        f"{scattered}; of {len(placebos)} placebo tables, with the same numbers permuted, {placebos.min()} to "
+        f"{placebos.max()}: {worth}. Of those left out in turn, the reconstruction that meets the others best "
+        f"predicts {predicts}."
     )
 
 

@@ -228,8 +228,12 @@ ASKED = {"says": "does it?", "measure": "share_reached", "of": {"label": "A"}}
         ({"claims": {"a": STATEMENT}, "checks": {"a": STATEMENT}}, "mine.checks.a: this id stands in another table"),
         ({"claims": {"a": {**STATEMENT, "evidence": "free"}}}, "mine.claims.a.evidence: unknown key; it is computed"),
         (
-            {"claims": {"a": {**STATEMENT, "plausible": {"metrc": [1]}}}},
-            "mine.claims.a.plausible.metrc=1.measure: of.metrc: unknown key; share_reached takes",
+            {"claims": {"a": {**STATEMENT, "of": {"metrc": 2}, "plausible": {"metrc": [1]}}}},
+            "mine.claims.a.measure: of.metrc: unknown key; share_reached takes",
+        ),
+        (
+            {"claims": {"a": {**STATEMENT, "of": {"world": "A"}, "plausible": {"wrld": ["B"]}}}},
+            "mine.claims.a.plausible.wrld: must stand in `of`, too; did you mean world?",
         ),
     ],
 )
