@@ -1,6 +1,7 @@
 """Figures of stored results: trajectories over their world; and how a figure is saved."""
 
 import io
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -59,6 +60,7 @@ METADATA: dict[str, dict[str, str | None]] = {  # what would differ from one tim
 ROW_INCHES, TITLE_INCHES = 5.6, 0.3  # of panels with what stands around them, and above all panels
 STACK_INCHES = 10.0  # how wide a picture of blocks is
 DPI = 110  # of a PNG; an SVG has its own
+CLIPS = re.compile(rb'(?<=[#"])p[0-9a-f]{10}(?=[)"])')  # names of clip paths in an SVG
 
 
 class Style(NamedTuple):
@@ -321,4 +323,10 @@ def save_whole(figure: "Figure", file: Path) -> None:
         figure.savefig(content, format=form, dpi=dpi, bbox_inches=box, metadata=METADATA.get(form))
         figure.set_layout_engine(layout)
     with replacing(file) as temporary:
-        temporary.write_bytes(content.getvalue())
+        temporary.write_bytes(_numbered(content.getvalue()) if form == "svg" else content.getvalue())
+
+
+def _numbered(svg: bytes) -> bytes:
+    """Return an SVG whose clip paths are numbered: they are named by all digits of a layout, whose last ones vary."""
+    names: dict[bytes, bytes] = {}
+    return CLIPS.sub(lambda found: names.setdefault(found[0], b"clip%d" % len(names)), svg)

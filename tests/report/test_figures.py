@@ -1,6 +1,7 @@
 """What pictures show: words beside paths, chatter, ranges of what does not change, and fuzzy sets to their ends."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from navbench.controllers.nemeiksis2019.sections import spells_on_path
 from navbench.report import page
 from navbench.report.described import memberships
 from navbench.report.drawing import sparse
-from navbench.report.figures import LINES_MAX, draw_cells, panel_of
+from navbench.report.figures import LINES_MAX, draw_cells, panel_of, save_figure
 from navbench.report.paths import Word, cut, draw_marks, number_places, write_beside
 from navbench.report.trajectories import chatter, time_series, trajectories
 
@@ -252,3 +253,16 @@ def test_a_cell_of_which_nothing_was_driven_has_an_empty_panel(tmp_path: Path) -
     cell, _, episodes, trajectories = a_panel(tmp_path, 2)
     (ax,) = draw_cells([(cell, None, episodes.assign(outcome="no_layout"), trajectories[:0])]).axes
     assert legend_of(ax) == ["no layout: 2"]
+
+
+def test_a_layout_that_differs_in_its_last_digit_leaves_the_same_svg(tmp_path: Path) -> None:
+    saved = []
+    for x in (0.1, 0.1 + 1e-13):
+        figure = Figure()
+        for k in range(2):
+            figure.add_axes((x, 0.1 + 0.45 * k, 0.7, 0.35)).plot([0.0, 1.0], [0.0, float(k)])
+        save_figure(figure, tmp_path / str(x), "lines")
+        saved.append((tmp_path / str(x) / "figures/lines.svg").read_bytes())
+    assert saved[0] == saved[1]
+    assert set(re.findall(rb'clipPath id="(\w+)"', saved[0])) == {b"clip0", b"clip1"}
+    assert set(re.findall(rb"url\(#(\w+)\)", saved[0])) == {b"clip0", b"clip1"}
