@@ -22,9 +22,8 @@ def reconstructions(effort: Effort) -> Table:
     for study in STUDIES[: effort.few(len(STUDIES))]:
         of = reconstructions_of(study, Path())
         claims = tuple(entry.name for entry in of.claims)
-        found = [asked(Block(of, DRAWN, 0, k, 0, effort.few(BLOCK), claims)) for k in range(effort.rounds + 1)][
-            1:
-        ]  # the first one compiles
+        blocks = [Block(of, DRAWN, 0, k, 0, effort.few(BLOCK), claims) for k in range(effort.rounds + 1)]
+        found = [asked(block) for block in blocks][1:]  # the first one compiles
         rows.append((study, *map(median, map(list, zip(*found, strict=True)))))
     text = (
         "Blocks of reconstructions of a study, drawn as `navbench multiverse` draws them and asked what every claim "
